@@ -421,7 +421,7 @@ fn run(
     let code = Code::new(setup.board, setup.mpu, images, is_constant);
     let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
     board.chip.attach();
-    surroundings::pull_up_buses(&mut board, VirtualNanos(0));
+    surroundings::pull_up_buses(&mut board);
     let shafts = Shafts::new(setup.battery, setup.motors);
     let mut surroundings = Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, commands);
     if setup.transceiver {

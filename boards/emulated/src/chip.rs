@@ -2,31 +2,11 @@
 //! emulator. [`Part`] has what the bench needs of any chip. Each chip implements it in a module of its own.
 
 /// Methods of [`Part`] whose text is the same for every chip, while their types differ. They use the chip's `self.part`,
-/// `timer_slot` and `port_slots`, the registers `Tim1` and `Gpio`, and `BOARD`.
+/// `servos` and `buses`, and `BOARD`.
 macro_rules! same_on_every_chip {
     () => {
         fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
             self.part.drive_port(at, port, |port, r, c| port.drive(pin, level, r, c));
-        }
-
-        fn pin_level(&self, port: usize, pin: Pin) -> Level {
-            let registers = self.bus().slots()[self.port_slots[port]].registers();
-            self.part.gpio[port].level(pin, registers)
-        }
-
-        fn port(&self, port: usize) -> Port {
-            let registers = self.bus().slots()[self.port_slots[port]].registers();
-            let [modes, outputs] = words(registers, [Gpio::Moder, Gpio::Odr]);
-            Port { modes, outputs }
-        }
-
-        fn pwm(&self) -> Registers {
-            let registers = self.bus().slots()[self.timer_slot].registers();
-            let [cr1, psc, arr, bdtr, ccer] =
-                words(registers, [Tim1::Cr1, Tim1::Psc, Tim1::Arr, Tim1::Bdtr, Tim1::Ccer]);
-            let ccmr = words(registers, [Tim1::Ccmr1Output, Tim1::Ccmr2Output]);
-            let ccr = words(registers, [Tim1::Ccr1, Tim1::Ccr2, Tim1::Ccr3, Tim1::Ccr4]);
-            Registers { cr1, psc, arr, bdtr, ccer, ccmr, ccr }
         }
 
         fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)> {
@@ -35,20 +15,21 @@ macro_rules! same_on_every_chip {
         }
 
         fn servo(&self, servo: usize) -> &[Edge] {
-            self.servos[servo].1.edges()
+            self.servos[servo].edges()
         }
 
         fn attach_device(&mut self, bus: usize, device: RegisterDevice) {
-            self.buses[bus].1.controller.attach(device);
+            self.buses[bus].controller.attach(device);
         }
 
         fn device(&mut self, bus: usize, nth: usize) -> Option<&mut RegisterDevice> {
-            self.buses[bus].1.controller.chip_mut(nth)
+            self.buses[bus].controller.chip_mut(nth)
         }
 
         fn hold_line(&mut self, at: VirtualNanos, bus: usize, line: usize, low: bool) {
-            let (slot, lines) = &mut self.buses[bus];
-            let (registers, mut context) = self.part.bus_mut().drive(at, *slot);
+            let lines = &mut self.buses[bus];
+            let slot = self.part.bus().slot(lines.name).expect("a bus of the chip");
+            let (registers, mut context) = self.part.bus_mut().drive(at, slot);
             lines.hold(line, low, registers, &mut context);
         }
 
@@ -72,62 +53,6 @@ macro_rules! same_on_every_chip {
 
         fn set_power_dead(&mut self, dead: bool) {
             self.power_dead = dead;
-        }
-    };
-}
-
-/// Methods of [`Mcu`] whose text is the same for every chip. They use the fields that `same_on_every_chip` uses, and
-/// the chip's own models. `apb` gives the buses of the servos' timers. `models` lists the slots whose model is
-/// replaced. An entry names a slot and its model. A field between them, if there is one, must be true for the entry.
-/// The first entry that fits is used. `before` names a slot, and a method that is called before each access to the
-/// slot.
-macro_rules! mcu_on_every_chip {
-    (
-        apb: [$one:expr, $two:expr],
-        models: { $($slot:ident $(if $active:ident)? => $model:ident),+ $(,)? }
-        $(, before: $before:ident => $update:ident)?
-    ) => {
-        fn bus(&self) -> &Bus {
-            self.part.bus()
-        }
-
-        fn bus_mut(&mut self) -> &mut Bus {
-            self.part.bus_mut()
-        }
-
-        fn poll(&mut self, now: VirtualNanos) {
-            self.part.poll(now);
-        }
-
-        fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-            $(
-                if slot == self.$before {
-                    self.$update();
-                }
-            )?
-            if slot == self.timer_slot && self.pwm == Pwm::Registers {
-                return (self.part.bus_mut(), Some(&mut self.plain_timer));
-            }
-            if slot == self.power_slot && self.power_dead {
-                return (self.part.bus_mut(), Some(&mut self.plain_power));
-            }
-            $(
-                if slot == self.$slot $(&& self.$active)? {
-                    return (self.part.bus_mut(), Some(&mut self.$model));
-                }
-            )+
-            if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
-                let bus = if ON_APB2.contains(&servo) { $two } else { $one };
-                let (rcc, registers) = self.part.clocks();
-                let hz = rcc.timer_clock(registers, bus);
-                let timer = &mut self.servos[servo].1;
-                timer.set_clock(hz);
-                return (self.part.bus_mut(), Some(&mut **timer));
-            }
-            if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
-                return (self.part.bus_mut(), Some(lines));
-            }
-            self.part.split(slot)
         }
     };
 }
@@ -191,17 +116,18 @@ mod servo_timer;
 mod watchdog;
 
 use std::fmt::Debug;
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroU64};
 
 use rigless::chip::uart::Errors;
-use rigless::device::{Level, RegisterFile};
+use rigless::device::{Device, Level};
 use rigless::image::Image;
+use rigless::machine::armv7m::{Core, Variant};
 use rigless::machine::{Board as Machine, Target};
-use rigless::mcu::Mcu;
+use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
-use rigless::soc::{Bus, Error, Layout};
+use rigless::soc::{Error, Layout, RegisterSpec, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
@@ -212,6 +138,7 @@ use crate::serial::Terminal;
 use crate::system_break::Connections;
 use crate::wiring;
 pub use flash_interface::FlashFaults;
+pub(crate) use h743::Chip as H743;
 pub(crate) use servo_timer::Edge;
 
 /// Supply voltage of the chip, mV.
@@ -228,18 +155,37 @@ pub enum Pwm {
     Emulated,
 }
 
-/// A peripheral that only stores what is written to its registers.
-#[derive(Debug)]
-struct StoredRegisters<R>(core::marker::PhantomData<R>);
+/// A register by its row in a table that its model has been given.
+#[derive(Clone, Copy, Debug)]
+struct Row(usize);
 
-impl<R> Default for StoredRegisters<R> {
-    fn default() -> Self {
-        Self(core::marker::PhantomData)
+impl Layout for Row {
+    const REGISTERS: &'static [RegisterSpec] = &[];
+
+    fn from_index(index: usize) -> Option<Self> {
+        Some(Self(index))
+    }
+
+    fn index(self) -> usize {
+        self.0
     }
 }
 
-impl<R: Layout> rigless::device::Device for StoredRegisters<R> {
-    type Register = R;
+/// A peripheral that only stores what is written to its registers, which are in this table.
+#[derive(Debug)]
+struct StoredRegisters(&'static [RegisterSpec]);
+
+impl Device for StoredRegisters {
+    type Register = Row;
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        self.0
+    }
+}
+
+/// Returns the content of a peripheral's register as a debugger reads it, which changes nothing.
+fn peek(mcu: &mut (impl Mcu + ?Sized), address: u64) -> u32 {
+    mcu.peek(VirtualNanos(0), address, Width::W32).expect("a register") as u32
 }
 
 /// Modes and output levels of the pins of a port.
@@ -250,6 +196,11 @@ pub(crate) struct Port {
 }
 
 impl Port {
+    fn read(mcu: &mut (impl Mcu + ?Sized), board: Board, port: usize) -> Self {
+        let moder = wiring::port_at(board, port);
+        Self { modes: peek(mcu, moder), outputs: peek(mcu, moder + wiring::ODR) }
+    }
+
     const fn is_mode(self, pin: u8, mode: u32) -> bool {
         self.modes >> (2 * pin) & 3 == mode
     }
@@ -307,28 +258,13 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Makes a device hold SCL (line 0) or SDA (line 1) of an I2C bus low, or release it.
     fn hold_line(&mut self, at: VirtualNanos, bus: usize, line: usize, low: bool);
 
-    /// Makes the next conversion of a current end later by this time. Returns false if the bench cannot do this on this chip.
-    fn delay_currents(&mut self, nanos: u64) -> bool;
-
-    /// Makes the running conversion of the reference or an analog input end later by this time. Returns false if the bench cannot do
-    /// this on this chip.
-    fn delay_inputs(&mut self, _: u64) -> bool {
-        false
+    /// Returns the chip if it is an H743, which has faults that the other chip lacks.
+    fn h743(&mut self) -> Option<&mut h743::Chip> {
+        None
     }
 
     /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
     fn set_dead(&mut self, dead: bool);
-
-    /// Sets the faults of the flash. This does nothing on a chip whose flash is modelled without faults.
-    fn set_flash_faults(&mut self, _: FlashFaults) {}
-
-    /// Makes the flash stay busy until a reset. Returns false if the bench cannot do this on this chip.
-    fn hold_flash(&mut self) -> bool {
-        false
-    }
-
-    /// Sets the revision of the chip, REV_ID. This does nothing on a chip whose revision is not modelled.
-    fn set_revision(&mut self, at: VirtualNanos, revision: u16);
 
     /// If `dead` is true, the power controller only stores what is written to it, so the clocks never start. Otherwise
     /// it works again.
@@ -339,15 +275,6 @@ pub(crate) trait Part: Mcu + Debug + Send {
 
     /// Puts a level on a pin, or releases the pin.
     fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>);
-
-    /// Returns the level of a pin.
-    fn pin_level(&self, port: usize, pin: Pin) -> Level;
-
-    /// Returns modes and output levels of a port.
-    fn port(&self, port: usize) -> Port;
-
-    /// Returns the registers of TIM1.
-    fn pwm(&self) -> Registers;
 
     /// Returns the clock of TIM1, Hz.
     fn pwm_hz(&mut self) -> u64;
@@ -361,34 +288,24 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Returns the far end of a line of the host, 0 or 1, or of the chain line, 2.
     fn terminal(&mut self, line: usize) -> Option<&mut Terminal>;
 
-    /// Returns the sources that switch the outputs of TIM1 off, by a break input of the timer. The F427 has none, because its SYSCFG
-    /// has no register for them (RM0090 9.2).
-    fn connections(&self) -> Connections {
-        Connections::default()
-    }
-
     /// Returns the random errors of bytes to the chip on a line of the host, 0 or 1, or on the chain line, 2.
     fn line_errors(&mut self, line: usize) -> &mut Errors;
 }
 
-/// Returns the contents of registers.
-fn words<const N: usize>(registers: &RegisterFile, of: [impl Layout; N]) -> [u32; N] {
-    of.map(|register| registers.get(register) as u32)
-}
-
-/// Returns the numbers of all ports on the emulator's bus.
-fn port_slots(bus: &Bus) -> Result<[usize; wiring::PORTS.len()], Error> {
-    let mut slots = [0; wiring::PORTS.len()];
-    for (slot, name) in slots.iter_mut().zip(wiring::PORTS) {
-        *slot = bus.slot(name)?;
+/// Returns the parts of a core's description that both boards have in the same way.
+fn core(board: Board, variant: Variant, interrupt_lines: u16) -> Core {
+    let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
+    Core {
+        variant,
+        clock_hz: hz,
+        interrupt_lines: NonZeroU32::new(interrupt_lines.into()).expect("a part with interrupts"),
+        // PM0214 4.3, RM0433 19.1.
+        priority_bits: 4,
+        refclk_divider: NonZeroU32::new(8).expect("a divider"),
+        instructions_per_second: hz,
+        boot: "flash",
     }
-    Ok(slots)
 }
-
-/// Number of bits of an interrupt's priority, on both cores (PM0214 4.3, RM0433 19.1).
-const PRIORITY_BITS: u8 = 4;
-/// Divider of the system timer's reference clock, on both cores.
-const REFCLK_DIVIDER: NonZeroU32 = NonZeroU32::new(8).expect("a divider");
 
 /// The board for the emulator. [`Surroundings`](crate::surroundings::Surroundings) drives its pins.
 #[derive(Debug)]
@@ -396,15 +313,17 @@ pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Part>,
     board: Board,
     code: Code,
+    connections: Connections,
 }
 
 impl Nucleo {
     pub(crate) fn new(board: Board, pwm: Pwm, faults: FlashFaults, code: Code) -> Result<Self, Error> {
+        let connections = Connections::default();
         let chip: Box<dyn Part> = match board {
             Board::NucleoF429zi => Box::new(f427::Chip::new(pwm)?),
-            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm, faults)?),
+            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm, faults, connections.clone())?),
         };
-        Ok(Self { chip, board, code })
+        Ok(Self { chip, board, code, connections })
     }
 
     /// Returns the calibration words that the factory writes.
@@ -413,6 +332,27 @@ impl Nucleo {
             Board::NucleoF429zi => f427::factory_image(),
             Board::NucleoH743zi2 => h743::factory_image(),
         }
+    }
+
+    /// Returns modes and output levels of a port.
+    pub(crate) fn port(&mut self, port: usize) -> Port {
+        Port::read(&mut *self.chip, self.board, port)
+    }
+
+    /// Returns the level of a pin that is no analog input: true if it is high.
+    pub(crate) fn is_high(&mut self, (port, pin): (usize, u8)) -> bool {
+        peek(&mut *self.chip, wiring::port_at(self.board, port) + wiring::IDR) >> pin & 1 != 0
+    }
+
+    /// Puts a level on a pin, or releases the pin.
+    pub(crate) fn drive_pin(&mut self, at: u64, (port, pin): (usize, u8), level: Option<bool>) {
+        let pin = Pin::new(pin).expect("a pin of a port");
+        self.chip.drive_pin(VirtualNanos(at), port, pin, level.map(Level::from));
+    }
+
+    /// Returns the registers of TIM1.
+    pub(crate) fn pwm(&mut self) -> Registers {
+        Registers::read(|offset| peek(&mut *self.chip, wiring::PWM_TIMER + offset))
     }
 }
 
@@ -433,9 +373,8 @@ impl Machine for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let connections = self.chip.connections();
         let mut target = self.chip.target(self.code.mpu());
-        processor::reuse_core(&mut target.core, self.code, &connections);
+        processor::reuse_core(&mut target.core, self.code, &self.connections);
         vec![target]
     }
 }

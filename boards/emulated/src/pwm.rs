@@ -61,6 +61,21 @@ pub(crate) struct Registers {
     pub(crate) ccr: [u32; CHANNELS],
 }
 
+impl Registers {
+    /// Reads the registers by a function that returns the register at an offset (17.4.21).
+    pub(crate) fn read(mut register: impl FnMut(u64) -> u32) -> Self {
+        Self {
+            cr1: register(0x00),
+            psc: register(0x28),
+            arr: register(0x2C),
+            bdtr: register(0x44),
+            ccer: register(0x20),
+            ccmr: [0x18, 0x1C].map(&mut register),
+            ccr: [0x34, 0x38, 0x3C, 0x40].map(&mut register),
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Channel {
     mode: u32,

@@ -10,7 +10,6 @@ use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
 use rigless::mcu::Operate;
 use rigless::session::Session;
 use rigless::soc::Width;
-use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
 use rigless::time::VirtualNanos;
 use simulated::current_line::CurrentLine;
@@ -138,10 +137,10 @@ impl Surroundings {
 
     /// Updates the bridges after the chip may have changed its pins at the time `at`, ns.
     pub(crate) fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
-        let chip = &mut session.board_mut().chip;
+        let board = session.board_mut();
         let before = self.timer.grid();
-        let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| chip.port(port));
-        let registers = chip.pwm();
+        let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| board.port(port));
+        let registers = board.pwm();
         for bridge in 0..wiring::BRIDGES {
             let mut lines = Lines::FLOATING;
             if pwm.is_function(wiring::PWM_PINS[bridge]) {
@@ -159,8 +158,8 @@ impl Surroundings {
 
     /// Updates the PWM timer and the bridges after the chip has written a register of the timer.
     fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
-        let chip = &mut session.board_mut().chip;
-        let (registers, hz) = (chip.pwm(), chip.pwm_hz());
+        let board = session.board_mut();
+        let (registers, hz) = (board.pwm(), board.chip.pwm_hz());
         self.pwm_hz = hz;
         let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
         let before = self.timer.grid();
@@ -215,24 +214,19 @@ impl Surroundings {
 
     /// Puts the button's level on its pin; the board has a pull-down.
     pub(crate) fn press(&self, session: &mut Session<Nucleo>, pressed: bool) {
-        let pin = Pin::new(wiring::BUTTON.1).expect("a pin of a port");
-        let level = Some(Level::from(pressed));
-        let at = VirtualNanos(self.now);
-        session.board_mut().chip.drive_pin(at, wiring::BUTTON.0, pin, level);
+        session.board_mut().drive_pin(self.now, wiring::BUTTON, Some(pressed));
     }
 
     /// Connects a transceiver of the chain line. An idle line is high.
     pub(crate) fn connect_transceiver(&mut self, board: &mut Nucleo) {
         self.transceiver = true;
-        let (port, pin) = wiring::chain_input(self.board);
-        let pin = Pin::new(pin).expect("a pin of a port");
-        board.chip.drive_pin(VirtualNanos(self.now), port, pin, Some(Level::High));
+        board.drive_pin(self.now, wiring::chain_input(self.board), Some(true));
     }
 
     /// Notes a change of the transceiver's direction.
     fn follow_transceiver(&mut self, session: &mut Session<Nucleo>, at: u64) {
         let (port, pin) = wiring::CHAIN_DIRECTION;
-        let sends = session.board_mut().chip.port(port).drives(pin) == Some(true);
+        let sends = session.board_mut().port(port).drives(pin) == Some(true);
         if self.directions.last().is_some_and(|&(_, sent)| sent) != sends {
             self.directions.push((at, sends));
         }
@@ -250,11 +244,10 @@ impl Surroundings {
             return;
         }
         let [first, second, ..] = wiring::DIGITAL;
-        let chip = &mut session.board_mut().chip;
+        let board = session.board_mut();
         for (from, to) in [(first, second), (second, first)] {
-            let level = chip.port(from.0).drives(from.1).map(Level::from);
-            let pin = Pin::new(to.1).expect("a pin of a port");
-            chip.drive_pin(VirtualNanos(at), to.0, pin, level);
+            let level = board.port(from.0).drives(from.1);
+            board.drive_pin(at, to, level);
         }
     }
 
@@ -268,7 +261,7 @@ impl Surroundings {
     fn follow_clock(&mut self, session: &mut Session<Nucleo>) {
         let Some((bus, clocks, was_high)) = self.stuck else { return };
         let (port, pin) = wiring::BUSES[bus][0];
-        let high = session.board_mut().chip.port(port).drives(pin) != Some(false);
+        let high = session.board_mut().port(port).drives(pin) != Some(false);
         let left = clocks.saturating_sub((high && !was_high).into());
         self.stuck = Some((bus, left, high));
         if left == 0 {
@@ -320,7 +313,7 @@ impl Surroundings {
         self.show_edges(session, now);
         if self.timer.update_at.is_some_and(|at| at <= now) {
             let hz = self.pwm_hz;
-            let registers = session.board_mut().chip.pwm();
+            let registers = session.board_mut().pwm();
             self.timer.update(now, &registers, hz);
             self.follow_pins(session, now, false);
         }
@@ -419,8 +412,8 @@ pub(crate) fn terminal(session: &mut Session<Nucleo>, line: usize) -> &mut Termi
 }
 
 /// Pulls the lines of all I2C buses up, as their resistors do.
-pub(crate) fn pull_up_buses(board: &mut Nucleo, at: VirtualNanos) {
-    for (port, pin) in wiring::BUSES.into_iter().take(board.chip.bus_count()).flatten() {
-        board.chip.drive_pin(at, port, Pin::new(pin).expect("a pin of a port"), Some(Level::High));
+pub(crate) fn pull_up_buses(board: &mut Nucleo) {
+    for pin in wiring::BUSES.into_iter().take(board.chip.bus_count()).flatten() {
+        board.drive_pin(0, pin, Some(true));
     }
 }

@@ -14,11 +14,11 @@ use rigless::time::VirtualNanos;
 /// Address of SYSCFG_CFGR.
 const CONNECTIONS: u64 = 0x5800_0418;
 /// Address of DBGMCU_IDC, whose upper half is the revision.
-const IDENTITY: u64 = 0x5C00_1000;
+pub(crate) const IDENTITY: u64 = 0x5C00_1000;
 /// REV_ID of revision V.
 const REVISION_V: u32 = 0x2003;
 /// Address of BDTR of TIM1 (RM0433 38.4.20).
-const OUTPUTS: u64 = 0x4001_0044;
+pub(crate) const OUTPUTS: u64 = 0x4001_0044;
 /// Bit MOE of BDTR.
 const MAIN_OUTPUT: u32 = 1 << 15;
 /// Bit BKE of BDTR.

@@ -10,8 +10,6 @@ pub(crate) const BRIDGES: usize = 4;
 
 /// Address of TIM1, which makes the PWM.
 pub(crate) const PWM_TIMER: u64 = 0x4001_0000;
-/// Names of the ports in the emulator. Constants below name a port by its index in this list.
-pub(crate) const PORTS: [&str; 6] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF"];
 /// Port E, which has the PWM and the DIAG pins.
 pub(crate) const PWM_PORT: usize = 4;
 /// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
@@ -82,6 +80,11 @@ pub(crate) const fn pwm_clock_at(board: Board) -> u64 {
     }
 }
 
+/// Offset of a port's register IDR.
+pub(crate) const IDR: u64 = 0x10;
+/// Offset of a port's register ODR.
+pub(crate) const ODR: u64 = 0x14;
+
 /// Offset of a timer's status register.
 pub(crate) const SR: u64 = 0x10;
 /// Offset of a timer's event generation register.
@@ -90,7 +93,7 @@ pub(crate) const EGR: u64 = 0x14;
 /// Port and pin of button B1: PC13.
 pub(crate) const BUTTON: (usize, u8) = (2, 13);
 
-// Indices of ports in [`PORTS`].
+// Numbers of ports.
 const A: usize = 0;
 const B: usize = 1;
 const C: usize = 2;

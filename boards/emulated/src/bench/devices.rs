@@ -25,8 +25,8 @@ impl Bench {
     pub fn servo_pulses(&mut self, servo: usize) -> Vec<ServoPulse> {
         let (port, pin) = wiring::SERVOS[servo];
         let (edges, driven) = self.at_stop(move |_, session, _| {
-            let chip = &session.board_mut().chip;
-            (chip.servo(servo).to_vec(), chip.port(port).is_function(pin))
+            let board = session.board_mut();
+            (board.chip.servo(servo).to_vec(), board.port(port).is_function(pin))
         });
         assert!(driven || edges.is_empty(), "the pin of servo {servo} is not its timer's");
         let pulses = edges.as_chunks().0.iter().map(|edges: &[_; 2]| {
@@ -90,12 +90,7 @@ impl Bench {
 
     /// Returns the levels of SCL and SDA of an I2C bus.
     pub fn bus_levels(&mut self, bus: usize) -> [bool; 2] {
-        self.at_stop(move |_, session, _| {
-            wiring::BUSES[bus].map(|(port, pin)| {
-                let pin = rigless::soc::st::gpio::Pin::new(pin).expect("a pin of a port");
-                session.board_mut().chip.pin_level(port, pin) == rigless::device::Level::High
-            })
-        })
+        self.at_stop(move |_, session, _| wiring::BUSES[bus].map(|pin| session.board_mut().is_high(pin)))
     }
 }
 
@@ -108,11 +103,8 @@ impl super::Surroundings {
         line: usize,
         low: bool,
     ) {
-        let at = VirtualNanos(self.now);
-        let chip = &mut session.board_mut().chip;
-        let (port, pin) = wiring::BUSES[bus][line];
-        let pin = rigless::soc::st::gpio::Pin::new(pin).expect("a pin of a port");
-        chip.drive_pin(at, port, pin, Some((!low).into()));
-        chip.hold_line(at, bus, line, low);
+        let board = session.board_mut();
+        board.drive_pin(self.now, wiring::BUSES[bus][line], Some(!low));
+        board.chip.hold_line(VirtualNanos(self.now), bus, line, low);
     }
 }

@@ -5,15 +5,13 @@ use std::time::Duration;
 
 use motor_hub::model::battery::Battery;
 use motor_hub::model::si::Volts;
-use rigless::device::Level;
 use rigless::soc::Width;
-use rigless::soc::st::gpio::Pin;
 use rigless::time::VirtualNanos;
 use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
-use super::Bench;
-use crate::chip::FlashFaults;
+use super::{Bench, nanos};
+use crate::chip::{FlashFaults, H743};
 use crate::elf;
 use crate::faulty_code::FaultyCode;
 use crate::wiring;
@@ -49,9 +47,7 @@ impl Bench {
     /// Panics on another chip than the H743. A converter of the F427 has a data register for each current, so a late conversion
     /// has no effect.
     pub fn delay_currents(&mut self, time: Duration) {
-        let nanos = u64::try_from(time.as_nanos()).expect("a short time");
-        let late = self.at_stop(move |_, session, _| session.board_mut().chip.delay_currents(nanos));
-        assert!(late, "only a converter of the H743 can be late");
+        self.on_h743(move |chip, _| chip.delay_currents(nanos(time)));
     }
 
     /// Makes the running conversion of the reference or an analog input take longer by this time.
@@ -59,30 +55,23 @@ impl Bench {
     /// # Panics
     /// Panics on another chip than the H743.
     pub fn delay_inputs(&mut self, time: Duration) {
-        let nanos = u64::try_from(time.as_nanos()).expect("a short time");
-        let late = self.at_stop(move |_, session, _| session.board_mut().chip.delay_inputs(nanos));
-        assert!(late, "only a converter of the H743 can be late");
+        self.on_h743(move |chip, _| chip.delay_inputs(nanos(time)));
     }
 
     /// Makes a bridge pull its DIAG line low if `low` is true, like a bridge that has switched itself off. Otherwise
     /// the bridge releases the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.post(move |surroundings, session, _| {
-            let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
-            let at = VirtualNanos(surroundings.now);
-            let level = (low && wiring::diag_reads_low()).then_some(Level::Low);
-            session.board_mut().chip.drive_pin(at, wiring::PWM_PORT, pin, level);
+            let level = (low && wiring::diag_reads_low()).then_some(false);
+            let pin = (wiring::PWM_PORT, wiring::DIAG_PINS[motor]);
+            session.board_mut().drive_pin(surroundings.now, pin, level);
         });
     }
 
     /// Connects a digital pin, 0 to 7, to ground or to the supply, or to nothing.
     pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
         self.post(move |surroundings, session, _| {
-            let (port, pin) = wiring::DIGITAL[pin];
-            let pin = Pin::new(pin).expect("a pin of a port");
-            let at = VirtualNanos(surroundings.now);
-            let level = level.map(Level::from);
-            session.board_mut().chip.drive_pin(at, port, pin, level);
+            session.board_mut().drive_pin(surroundings.now, wiring::DIGITAL[pin], level);
         });
     }
 
@@ -93,11 +82,7 @@ impl Bench {
 
     /// Returns the level of a digital pin, 0 to 7: true if it is high.
     pub fn pin_level(&mut self, pin: usize) -> bool {
-        self.at_stop(move |_, session, _| {
-            let (port, pin) = wiring::DIGITAL[pin];
-            let pin = Pin::new(pin).expect("a pin of a port");
-            session.board_mut().chip.pin_level(port, pin) == Level::High
-        })
+        self.at_stop(move |_, session, _| session.board_mut().is_high(wiring::DIGITAL[pin]))
     }
 
     /// Sets the external torque on an output shaft from now on, N m, positive CW.
@@ -139,10 +124,11 @@ impl Bench {
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
+    ///
+    /// # Panics
+    /// Panics on another chip than the H743.
     pub fn set_revision(&mut self, revision: u16) {
-        self.post(move |surroundings, session, _| {
-            session.board_mut().chip.set_revision(VirtualNanos(surroundings.now), revision);
-        });
+        self.on_h743(move |chip, now| chip.set_revision(VirtualNanos(now), revision));
     }
 
     /// If `dead` is true, the chip's power controller reports nothing, as with a broken regulator, so the clocks never
@@ -151,9 +137,12 @@ impl Bench {
         self.post(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 
-    /// Sets the faults of the flash from now on. The flash of the F427 has none.
+    /// Sets the faults of the flash from now on.
+    ///
+    /// # Panics
+    /// Panics on another chip than the H743.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
-        self.post(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
+        self.on_h743(move |chip, _| chip.flash().faults = faults);
     }
 
     /// Makes the flash stay busy until the chip is reset.
@@ -161,8 +150,14 @@ impl Bench {
     /// # Panics
     /// Panics on another chip than the H743.
     pub fn hold_flash(&mut self) {
-        let held = self.at_stop(|_, session, _| session.board_mut().chip.hold_flash());
-        assert!(held, "only the flash of the H743 has faults");
+        self.on_h743(|chip, _| chip.flash().never_ends = true);
+    }
+
+    /// Runs a function with the chip and the present virtual time in ns. Panics on another chip than the H743.
+    fn on_h743(&mut self, act: impl FnOnce(&mut H743, u64) + Send + 'static) {
+        self.at_stop(move |surroundings, session, _| {
+            act(session.board_mut().chip.h743().expect("only the H743 has this"), surroundings.now);
+        });
     }
 
     /// Makes the core's next access to this range fail with a bus error.

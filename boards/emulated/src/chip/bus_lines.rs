@@ -64,6 +64,8 @@ impl Controller for stm32h743::peripherals::i2c::I2c {
 /// A controller with its two lines. Nothing holds a line at first.
 #[derive(Debug)]
 pub(super) struct Lines<C: Controller> {
+    /// Name of the controller on the emulator's bus.
+    pub(super) name: &'static str,
     pub(super) controller: C,
     /// Whether a device holds SCL and SDA low.
     low: [bool; 2],
@@ -74,8 +76,8 @@ pub(super) struct Lines<C: Controller> {
 }
 
 impl<C: Controller> Lines<C> {
-    pub(super) const fn new(controller: C) -> Self {
-        Self { controller, low: [false; 2], held: Vec::new(), start: None }
+    pub(super) const fn new(name: &'static str, controller: C) -> Self {
+        Self { name, controller, low: [false; 2], held: Vec::new(), start: None }
     }
 
     /// Makes a device hold SCL (line 0) or SDA (line 1) low, or release it. What waits for a released line continues.

@@ -3,7 +3,6 @@
 //! detector, the [sampling capacitor](super::sampling_capacitor) of ADC1, the [timers](super::servo_timer) of the servos, and
 //! I2C devices that hold the [lines](super::bus_lines) of their buses.
 
-use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
 
 use rigless::chip::uart::Errors;
@@ -11,16 +10,13 @@ use rigless::cpu::armv7m::windows;
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::image::Image;
 use rigless::machine::Target;
-use rigless::machine::armv7m::{Core, Fpu, MpuRegions, Variant};
+use rigless::machine::armv7m::{Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::pwr::{self, csr};
-use rigless::soc::stm32f427::generated::tim1::Register as Tim1;
-// All ports have the registers of port I.
-use rigless::soc::stm32f427::generated::gpioi::Register as Gpio;
-use rigless::soc::stm32f427::generated::{adc1, exti, tim9, tim10, tim11};
+use rigless::soc::stm32f427::generated::{adc1, exti, tim1, tim9, tim10, tim11};
 use rigless::soc::stm32f427::peripherals::i2c::I2c;
 use rigless::soc::stm32f427::peripherals::{I2C_INTERFACES, adc, rcc::Apb};
 use rigless::soc::{Bus, Error};
@@ -28,11 +24,10 @@ use rigless::time::VirtualNanos;
 
 use super::bus_lines::Lines;
 use super::sampling_capacitor::AdcWithCapacitor;
-use super::servo_timer::{Edge, ServoTimer, Servos};
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, StoredRegisters, port_slots, words};
+use super::servo_timer::{Edge, ServoTimer};
+use super::{Part, Port, Pwm, RAIL_MV, StoredRegisters, core};
 use crate::board::Board;
 use crate::processor::Mpu;
-use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
@@ -55,9 +50,6 @@ const DETECTOR_INTERRUPT: usize = 0;
 const BATTERY: adc::Channel = adc::Channel::new(3).expect("a channel on a pin");
 /// ADC1_IN12 is PC2, to which nothing is connected: number of the port, number of the pin, channel.
 const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
-
-/// The servos whose timers are on APB2: TIM10, TIM11 and TIM9 (RM0090 2.3).
-const ON_APB2: [usize; 3] = [0, 1, 5];
 
 /// ADC2_IN4, IN5, IN6 and IN0 are PA4, PA5, PA6 and PA0: the host's analog inputs. ADC2_IN9 is PB1: the 5 V rail's divider.
 const ANALOG: [u8; 5] = [4, 5, 6, 0, 9];
@@ -85,20 +77,15 @@ pub(super) struct Chip {
     converter: AdcWithCapacitor,
     /// True if nothing is connected to the battery's pin.
     battery_open: bool,
-    plain_timer: StoredRegisters<Tim1>,
-    plain_converter: StoredRegisters<adc1::Register>,
-    plain_exti: StoredRegisters<exti::Register>,
+    plain_timer: StoredRegisters,
+    plain_converter: StoredRegisters,
+    plain_exti: StoredRegisters,
     power_dead: bool,
-    plain_power: StoredRegisters<pwr::Register>,
-    power_slot: usize,
-    timer_slot: usize,
-    converter_slot: usize,
-    exti_slot: usize,
-    port_slots: [usize; wiring::PORTS.len()],
+    plain_power: StoredRegisters,
     /// True while the detector's interrupt is pending.
     supply_fell: bool,
-    servos: Servos,
-    buses: Vec<(usize, Lines<I2c>)>,
+    servos: [ServoTimer<Apb>; wiring::SERVOS.len()],
+    buses: Vec<Lines<I2c>>,
 }
 
 impl Chip {
@@ -110,41 +97,27 @@ impl Chip {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
-        let [timer_slot, converter_slot, exti_slot] =
-            [part.bus().slot("TIM1")?, part.bus().slot("ADC1")?, part.bus().slot("EXTI")?];
-        let power_slot = part.bus().slot("PWR")?;
-        let port_slots = port_slots(part.bus())?;
-        let slot = |name| part.bus().slot(name);
-        let servos: Servos = [
-            (slot("TIM10")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
-            (slot("TIM11")?, Box::new(ServoTimer::<tim11::Register>::new(1))),
-            (slot("TIM13")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
-            (slot("TIM14")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
-            (slot("TIM12")?, Box::new(ServoTimer::<tim9::Register>::new(2))),
-            (slot("TIM9")?, Box::new(ServoTimer::<tim9::Register>::new(1))),
-        ];
-        let mut buses = Vec::new();
-        for name in I2C_INTERFACES {
-            buses.push((slot(name)?, Lines::new(I2c::with_clock(0))));
-        }
         Ok(Self {
             part,
             pwm,
-            servos,
-            buses,
+            // RM0090 2.3.
+            servos: [
+                ServoTimer::new("TIM10", Apb::Two, &tim10::REGISTERS, 1),
+                ServoTimer::new("TIM11", Apb::Two, &tim11::REGISTERS, 1),
+                ServoTimer::new("TIM13", Apb::One, &tim10::REGISTERS, 1),
+                ServoTimer::new("TIM14", Apb::One, &tim10::REGISTERS, 1),
+                ServoTimer::new("TIM12", Apb::One, &tim9::REGISTERS, 2),
+                ServoTimer::new("TIM9", Apb::Two, &tim9::REGISTERS, 1),
+            ],
+            buses: I2C_INTERFACES.map(|name| Lines::new(name, I2c::with_clock(0))).into(),
             adc_dead: false,
             converter,
             battery_open: false,
-            plain_timer: StoredRegisters::default(),
-            plain_converter: StoredRegisters::default(),
-            plain_exti: StoredRegisters::default(),
+            plain_timer: StoredRegisters(&tim1::REGISTERS),
+            plain_converter: StoredRegisters(&adc1::REGISTERS),
+            plain_exti: StoredRegisters(&exti::REGISTERS),
             power_dead: false,
-            plain_power: StoredRegisters::default(),
-            power_slot,
-            timer_slot,
-            converter_slot,
-            exti_slot,
-            port_slots,
+            plain_power: StoredRegisters(&pwr::REGISTERS),
             supply_fell: false,
         })
     }
@@ -152,7 +125,7 @@ impl Chip {
     /// Updates which pins of ADC1 float. A pin floats if nothing outside is connected to it and the chip does not drive it low.
     fn follow_open_pins(&mut self) {
         let (port, pin, channel) = UNCONNECTED;
-        let is_low = self.port(port).drives(pin) == Some(false);
+        let is_low = Port::read(self, BOARD, port).drives(pin) == Some(false);
         self.converter.converter.set_input(channel, 0);
         let open = [(BATTERY, self.battery_open), (channel, !is_low)];
         self.converter.floating.clear();
@@ -170,41 +143,55 @@ impl Mcu for Chip {
         ports.iter_mut().for_each(Device::reset);
         self.part.gpio = ports;
         Device::reset(&mut self.converter);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
-        self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
+        self.servos.iter_mut().for_each(|servo| servo.reset_at(at.0));
+        self.buses.iter_mut().for_each(Device::reset);
     }
 
-    mcu_on_every_chip!(
-        apb: [Apb::One, Apb::Two],
-        models: {
-            converter_slot if adc_dead => plain_converter,
-            converter_slot => converter,
-            exti_slot => plain_exti,
-        },
-        before: converter_slot => follow_open_pins
-    );
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let name = self.bus().slots()[slot].peripheral().name;
+        if name == "ADC1" {
+            self.follow_open_pins();
+        }
+        let model: &mut dyn ErasedDevice = match name {
+            "TIM1" if self.pwm == Pwm::Registers => &mut self.plain_timer,
+            "PWR" if self.power_dead => &mut self.plain_power,
+            "ADC1" if self.adc_dead => &mut self.plain_converter,
+            "ADC1" => &mut self.converter,
+            "EXTI" => &mut self.plain_exti,
+            _ => {
+                if let Some(timer) = self.servos.iter_mut().find(|timer| timer.name == name) {
+                    let (rcc, registers) = self.part.clocks();
+                    timer.hz = rcc.timer_clock(registers, timer.bus);
+                    timer
+                } else if let Some(lines) = self.buses.iter_mut().find(|lines| lines.name == name) {
+                    lines
+                } else {
+                    return self.part.split(slot);
+                }
+            }
+        };
+        (self.part.bus_mut(), Some(model))
+    }
 }
 
 impl Part for Chip {
     fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let board = BOARD;
-        let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
-        let lines = u32::from(self.cpu().interrupt_lines);
-        let core = Core {
-            variant: Variant::M4,
-            clock_hz: hz,
-            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
-            priority_bits: PRIORITY_BITS,
-            refclk_divider: REFCLK_DIVIDER,
-            instructions_per_second: hz,
-            boot: "flash",
-        }
-        .spec_with_parts(
-            &[windows(self.bus()), mpu.windows()].concat(),
-            Fpu::FpV4Sp,
-            MpuRegions::Eight,
-        );
-        Target::new(board.name(), self, core)
+        let windows = [windows(self.bus()), mpu.windows()].concat();
+        let core = core(BOARD, Variant::M4, self.cpu().interrupt_lines);
+        let core = core.spec_with_parts(&windows, Fpu::FpV4Sp, MpuRegions::Eight);
+        Target::new(BOARD.name(), self, core)
     }
 
     fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
@@ -214,7 +201,7 @@ impl Part for Chip {
 
     fn follow_detector(&mut self, at: VirtualNanos) {
         let low = csr::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr));
-        let exti = self.part.bus().slots()[self.exti_slot].registers();
+        let exti = self.part.bus().registers("EXTI").expect("a peripheral of the chip");
         let lines = exti.get(exti::Register::Imr) & exti.get(exti::Register::Rtsr);
         let fell = low && lines & DETECTOR_LINE != 0;
         if fell != self.supply_fell {
@@ -251,15 +238,9 @@ impl Part for Chip {
         self.converter.converter.set_temperature(hundredths);
     }
 
-    fn delay_currents(&mut self, _: u64) -> bool {
-        false
-    }
-
     fn set_dead(&mut self, dead: bool) {
         self.adc_dead = dead;
     }
-
-    fn set_revision(&mut self, _: VirtualNanos, _: u16) {}
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
         match wiring::ENCODERS[motor] {

@@ -31,13 +31,13 @@ struct Store {
 }
 
 #[derive(Debug)]
-pub(super) struct Interface {
+pub(crate) struct Interface {
     flash: Flash,
-    pub(super) faults: FlashFaults,
+    pub(crate) faults: FlashFaults,
     accesses: u32,
     late: Option<Store>,
     /// True if the flash stays busy until the next reset of the chip.
-    pub(super) never_ends: bool,
+    pub(crate) never_ends: bool,
 }
 
 impl Interface {

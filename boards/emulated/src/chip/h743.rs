@@ -4,7 +4,6 @@
 //! [late](super::late_converter). The [timers](super::servo_timer) of the servos show their pins, and I2C devices can hold the
 //! [lines](super::bus_lines) of their buses.
 
-use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
 
 use rigless::chip::uart::Errors;
@@ -12,16 +11,13 @@ use rigless::cpu::armv7m::windows;
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::image::Image;
 use rigless::machine::Target;
-use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Core, Fpu, MpuRegions, Variant};
+use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::{Channel, Tim};
 use rigless::soc::stm32h743::Stm32h743;
-// All ports have the registers of port A.
-use rigless::soc::stm32h743::generated::gpioa::Register as Gpio;
 use rigless::soc::stm32h743::generated::pwr::{self, csr1};
-use rigless::soc::stm32h743::generated::tim1::Register as Tim1;
-use rigless::soc::stm32h743::generated::{dbgmcu, tim2, tim15, tim16, tim17};
+use rigless::soc::stm32h743::generated::{dbgmcu, tim1, tim2, tim15, tim16, tim17};
 use rigless::soc::stm32h743::peripherals::adc;
 use rigless::soc::stm32h743::peripherals::i2c::{self, I2c};
 use rigless::soc::stm32h743::peripherals::rcc::TimerBus;
@@ -33,15 +29,14 @@ use super::analog_watchdog::AdcWithWatchdog;
 use super::bus_lines::Lines;
 use super::flash_interface::{FlashFaults, Interface};
 use super::late_converter::DelayedAdc;
-use super::servo_timer::{Edge, ServoTimer, Servos};
+use super::servo_timer::{Edge, ServoTimer};
 use super::watchdog::Watchdog;
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, StoredRegisters, port_slots, words};
+use super::{Part, Pwm, RAIL_MV, StoredRegisters, core, peek};
 use crate::board::Board;
 use crate::processor::Mpu;
-use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
-use crate::system_break::{Connections, Source};
+use crate::system_break::{Connections, IDENTITY, OUTPUTS, Source};
 use crate::wiring;
 
 /// Address of TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
@@ -72,9 +67,6 @@ const DEVICE: u64 = 0x450;
 /// registers.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 
-/// The servos whose timers are on APB2: TIM16, TIM17 and TIM15 (RM0433 2.3).
-const ON_APB2: [usize; 3] = [0, 1, 5];
-
 /// ADC3_INP5, INP9, INP4 and INP6 are PF3, PF4, PF5 and PF10: the host's analog inputs. ADC3_INP0 is PC2_C: the 5 V rail's
 /// divider.
 const ANALOG: [u8; 5] = [5, 9, 4, 6, 0];
@@ -93,10 +85,10 @@ const BOARD: Board = Board::NucleoH743zi2;
 
 /// The microcontroller.
 #[derive(Debug)]
-pub(super) struct Chip {
+pub(crate) struct Chip {
     part: Stm32h743,
     pwm: Pwm,
-    plain_timer: StoredRegisters<Tim1>,
+    plain_timer: StoredRegisters,
     watchdog: Watchdog,
     /// ADC1.
     converter: AdcWithWatchdog,
@@ -105,28 +97,18 @@ pub(super) struct Chip {
     currents: DelayedAdc,
     /// ADC3.
     inputs: DelayedAdc,
-    identity_slot: usize,
     connections: Connections,
     power_dead: bool,
-    plain_power: StoredRegisters<pwr::Register>,
-    power_slot: usize,
-    timer_slot: usize,
-    watchdog_slot: usize,
-    converter_slot: usize,
-    currents_slot: usize,
-    inputs_slot: usize,
-    flash_slot: usize,
-    encoder_slots: [usize; wiring::BRIDGES],
-    port_slots: [usize; wiring::PORTS.len()],
+    plain_power: StoredRegisters,
     supply_low: bool,
     /// True if nothing is connected to the battery's pin. The pin then keeps its voltage, because ADC1 converts no other channel.
     battery_open: bool,
-    servos: Servos,
-    buses: Vec<(usize, Lines<I2c>)>,
+    servos: [ServoTimer<TimerBus>; wiring::SERVOS.len()],
+    buses: Vec<Lines<I2c>>,
 }
 
 impl Chip {
-    pub(super) fn new(pwm: Pwm, faults: FlashFaults) -> Result<Self, Error> {
+    pub(super) fn new(pwm: Pwm, faults: FlashFaults, connections: Connections) -> Result<Self, Error> {
         let mut part = Stm32h743::new()?;
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
@@ -137,57 +119,53 @@ impl Chip {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
-        let slot = |name| part.bus().slot(name);
-        let [timer_slot, watchdog_slot, converter_slot] = [slot("TIM1")?, slot("IWDG")?, slot("ADC1")?];
-        let servos: Servos = [
-            (slot("TIM16")?, Box::new(ServoTimer::<tim16::Register>::new(1))),
-            (slot("TIM17")?, Box::new(ServoTimer::<tim17::Register>::new(1))),
-            (slot("TIM13")?, Box::new(ServoTimer::<tim2::Register>::new(1))),
-            (slot("TIM14")?, Box::new(ServoTimer::<tim2::Register>::new(1))),
-            (slot("TIM12")?, Box::new(ServoTimer::<tim2::Register>::new(2))),
-            (slot("TIM15")?, Box::new(ServoTimer::<tim15::Register>::new(1))),
-        ];
-        let mut buses = Vec::new();
-        for instance in i2c::INSTANCES {
-            buses.push((slot(instance.name)?, Lines::new(I2c::default())));
-        }
-        let [currents_slot, inputs_slot, flash_slot] = [slot("ADC2")?, slot("ADC3")?, slot("Flash")?];
-        let mut encoder_slots = [0; wiring::BRIDGES];
-        for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
-            *slot = part.bus().slot(match *counter {
-                wiring::Counter::General(nth) => TIMERS[nth].instance,
-                wiring::Counter::Advanced(nth) => ADVANCED_TIMERS[nth].instance,
-            })?;
-        }
-        let [power_slot, identity_slot] = [part.bus().slot("PWR")?, part.bus().slot("DBGMCU")?];
-        let port_slots = port_slots(part.bus())?;
         Ok(Self {
             part,
             pwm,
-            servos,
-            buses,
-            plain_timer: StoredRegisters::default(),
+            // RM0433 2.3.
+            servos: [
+                ServoTimer::new("TIM16", TimerBus::Apb2, &tim16::REGISTERS, 1),
+                ServoTimer::new("TIM17", TimerBus::Apb2, &tim17::REGISTERS, 1),
+                ServoTimer::new("TIM13", TimerBus::Apb1, &tim2::REGISTERS, 1),
+                ServoTimer::new("TIM14", TimerBus::Apb1, &tim2::REGISTERS, 1),
+                ServoTimer::new("TIM12", TimerBus::Apb1, &tim2::REGISTERS, 2),
+                ServoTimer::new("TIM15", TimerBus::Apb2, &tim15::REGISTERS, 1),
+            ],
+            buses: i2c::INSTANCES.iter().map(|bus| Lines::new(bus.name, I2c::default())).collect(),
+            plain_timer: StoredRegisters(&tim1::REGISTERS),
             watchdog: Watchdog::default(),
             converter,
             flash: Interface::new(faults),
             currents,
             inputs,
-            identity_slot,
-            connections: Connections::default(),
+            connections,
             power_dead: false,
-            plain_power: StoredRegisters::default(),
-            power_slot,
-            timer_slot,
-            watchdog_slot,
-            converter_slot,
-            currents_slot,
-            inputs_slot,
-            flash_slot,
-            encoder_slots,
-            port_slots,
+            plain_power: StoredRegisters(&pwr::REGISTERS),
             supply_low: false,
             battery_open: false,
         })
+    }
+
+    /// Makes the next conversion of a current end later by this time.
+    pub(crate) fn delay_currents(&mut self, nanos: u64) {
+        self.currents.next_is_late_by = Some(nanos);
+    }
+
+    /// Makes the running conversion of the reference or an analog input end later by this time.
+    pub(crate) fn delay_inputs(&mut self, nanos: u64) {
+        self.inputs.next_is_late_by = Some(nanos);
+    }
+
+    /// Returns the flash with its faults.
+    pub(crate) fn flash(&mut self) -> &mut Interface {
+        &mut self.flash
+    }
+
+    /// Sets the revision of the chip, REV_ID.
+    pub(crate) fn set_revision(&mut self, at: VirtualNanos, revision: u16) {
+        let slot = self.bus().slot("DBGMCU").expect("a peripheral of the chip");
+        let (registers, _) = self.part.bus_mut().drive(at, slot);
+        registers.set(dbgmcu::Register::Idc, u64::from(revision) << 16 | DEVICE);
     }
 }
 
@@ -200,56 +178,73 @@ impl Mcu for Chip {
         Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
         Device::reset(&mut self.inputs);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
-        self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
+        self.servos.iter_mut().for_each(|servo| servo.reset_at(at.0));
+        self.buses.iter_mut().for_each(Device::reset);
     }
 
-    mcu_on_every_chip!(
-        apb: [TimerBus::Apb1, TimerBus::Apb2],
-        models: {
-            converter_slot => converter,
-            flash_slot => flash,
-            currents_slot => currents,
-            inputs_slot => inputs,
-            watchdog_slot => watchdog,
-        }
-    );
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let name = self.bus().slots()[slot].peripheral().name;
+        let model: &mut dyn ErasedDevice = match name {
+            "TIM1" if self.pwm == Pwm::Registers => &mut self.plain_timer,
+            "PWR" if self.power_dead => &mut self.plain_power,
+            "ADC1" => &mut self.converter,
+            "ADC2" => &mut self.currents,
+            "ADC3" => &mut self.inputs,
+            "Flash" => &mut self.flash,
+            "IWDG" => &mut self.watchdog,
+            _ => {
+                if let Some(timer) = self.servos.iter_mut().find(|timer| timer.name == name) {
+                    let (rcc, registers) = self.part.clocks();
+                    timer.hz = rcc.timer_clock(registers, timer.bus);
+                    timer
+                } else if let Some(lines) = self.buses.iter_mut().find(|lines| lines.name == name) {
+                    lines
+                } else {
+                    return self.part.split(slot);
+                }
+            }
+        };
+        (self.part.bus_mut(), Some(model))
+    }
 }
 
-/// Drives an input of a timer. The timer is taken out of the emulator's part meanwhile, because the part cannot drive it.
+/// Drives an input of a timer. The emulator's part cannot drive it, so the timer is taken out of the part meanwhile.
 fn drive<F: Stm32h743Family>(
     timer: &mut Tim<F>,
     bus: &mut Bus,
-    (at, slot): (VirtualNanos, usize),
+    instance: &'static str,
+    at: VirtualNanos,
     (channel, level): (Channel, Level),
 ) {
+    let slot = bus.slot(instance).expect("a timer of the chip");
     let (registers, mut context) = bus.drive(at, slot);
     timer.drive_input(channel, level, registers, &mut context);
 }
 
 impl Part for Chip {
     fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let board = BOARD;
-        let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
-        let lines = u32::from(self.cpu().interrupt_lines);
-        let core = Core {
-            variant: Variant::M7,
-            clock_hz: hz,
-            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
-            priority_bits: PRIORITY_BITS,
-            refclk_divider: REFCLK_DIVIDER,
-            instructions_per_second: hz,
-            boot: "flash",
-        };
-        let mut config = Config::new(core, &[windows(self.bus()), mpu.windows()].concat());
+        let windows = [windows(self.bus()), mpu.windows()].concat();
+        let core = core(BOARD, Variant::M7, self.cpu().interrupt_lines);
+        let mut config = Config::new(core, &windows);
         config.fpu = Fpu::FpV5Dp;
         config.mpu_regions = MpuRegions::Sixteen;
         config.cpuid = CPUID;
         config.caches = Some(CACHES);
         config.branch_prediction = BranchPrediction::Always;
         config.vector_table = Some(VECTOR_TABLE);
-        let spec = config.spec();
-        Target::new(board.name(), self, spec)
+        Target::new(BOARD.name(), self, config.spec())
     }
 
     fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
@@ -266,17 +261,17 @@ impl Part for Chip {
             if rising & DETECTOR_LINE != 0 {
                 self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
             }
-            let slots = self.bus().slots();
-            let [identity] = words(slots[self.identity_slot].registers(), [dbgmcu::Register::Idc]);
-            if let Some(outputs) = self.connections.broken(Source::Detector, identity, self.pwm().bdtr) {
-                let (registers, _) = self.part.bus_mut().drive(at, self.timer_slot);
-                registers.set(Tim1::Bdtr, outputs.into());
+            let [identity, outputs] = [IDENTITY, OUTPUTS].map(|at| peek(self, at));
+            if let Some(outputs) = self.connections.broken(Source::Detector, identity, outputs) {
+                let slot = self.bus().slot("TIM1").expect("a peripheral of the chip");
+                let (registers, _) = self.part.bus_mut().drive(at, slot);
+                registers.set(tim1::Register::Bdtr, outputs.into());
             }
         }
     }
 
-    fn connections(&self) -> Connections {
-        self.connections.clone()
+    fn h743(&mut self) -> Option<&mut Self> {
+        Some(self)
     }
 
     fn pwm_hz(&mut self) -> u64 {
@@ -311,46 +306,23 @@ impl Part for Chip {
         self.inputs.converter.set_temperature(hundredths);
     }
 
-    fn delay_currents(&mut self, nanos: u64) -> bool {
-        self.currents.next_is_late_by = Some(nanos);
-        true
-    }
-
-    fn delay_inputs(&mut self, nanos: u64) -> bool {
-        self.inputs.next_is_late_by = Some(nanos);
-        true
-    }
-
-    fn set_flash_faults(&mut self, faults: FlashFaults) {
-        self.flash.faults = faults;
-    }
-
-    fn hold_flash(&mut self) -> bool {
-        self.flash.never_ends = true;
-        true
-    }
-
     fn set_dead(&mut self, dead: bool) {
         self.converter.dead = dead;
     }
 
-    fn set_revision(&mut self, at: VirtualNanos, revision: u16) {
-        let (registers, _) = self.part.bus_mut().drive(at, self.identity_slot);
-        registers.set(dbgmcu::Register::Idc, u64::from(revision) << 16 | DEVICE);
-    }
-
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
-        let place = (at, self.encoder_slots[motor]);
         let part = &mut self.part;
         match wiring::ENCODERS[motor] {
             wiring::Counter::General(nth) => {
-                let mut timer = std::mem::replace(&mut part.tim[nth], Tim::new(TIMERS[nth]));
-                drive(&mut timer, part.bus_mut(), place, (channel, level));
+                let of = TIMERS[nth];
+                let mut timer = std::mem::replace(&mut part.tim[nth], Tim::new(of));
+                drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
                 part.tim[nth] = timer;
             }
             wiring::Counter::Advanced(nth) => {
-                let mut timer = std::mem::replace(&mut part.advanced[nth], Tim::new(ADVANCED_TIMERS[nth]));
-                drive(&mut timer, part.bus_mut(), place, (channel, level));
+                let of = ADVANCED_TIMERS[nth];
+                let mut timer = std::mem::replace(&mut part.advanced[nth], Tim::new(of));
+                drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
                 part.advanced[nth] = timer;
             }
         }

@@ -5,9 +5,11 @@
 //! and 41.3). Each edge on the pin is noted with its time. A start of the timer without preloads or in another mode is
 //! reported to the session as a gap of the emulator, and a gap fails the test.
 
-use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile};
-use rigless::soc::Layout;
+use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::soc::RegisterSpec;
 use rigless::time::{EventId, VirtualNanos};
+
+use super::Row;
 
 // Offsets of registers (RM0090 19.4.13 and 19.5.12).
 const CR1: u32 = 0x00;
@@ -37,40 +39,16 @@ const SECOND: u128 = 1_000_000_000;
 /// A change of a pin: its time in ns, and the new level.
 pub(crate) type Edge = (u64, bool);
 
-/// The timers of all servos with their numbers on the emulator's bus, in the order of the servos.
-pub(super) type Servos = [(usize, Box<dyn Servo>); crate::wiring::SERVOS.len()];
-
-/// A timer with registers of any layout.
-pub(super) trait Servo: ErasedDevice + std::fmt::Debug + Send {
-    /// Returns all edges so far.
-    fn edges(&self) -> &[Edge];
-
-    /// Sets the clock of the timer, Hz.
-    fn set_clock(&mut self, hz: u64);
-
-    /// Resets the timer at the time `at`, ns. A reset ends a pulse.
-    fn reset_at(&mut self, at: u64);
-}
-
-impl<R: Layout + Send + 'static> Servo for ServoTimer<R> {
-    fn edges(&self) -> &[Edge] {
-        &self.edges
-    }
-
-    fn set_clock(&mut self, hz: u64) {
-        self.hz = hz;
-    }
-
-    fn reset_at(&mut self, at: u64) {
-        self.drive(at, false);
-        Device::reset(self);
-    }
-}
-
 /// The timer of a servo, and the edges on its pin.
 #[derive(Debug)]
-pub(super) struct ServoTimer<R> {
-    hz: u64,
+pub(super) struct ServoTimer<B> {
+    /// Name of the timer on the emulator's bus.
+    pub(super) name: &'static str,
+    /// The bus from which the timer has its clock.
+    pub(super) bus: B,
+    /// Clock of the timer, Hz.
+    pub(super) hz: u64,
+    table: &'static [RegisterSpec],
     edges: Vec<Edge>,
     /// True if the pin belongs to channel 2, otherwise to channel 1.
     second_channel: bool,
@@ -84,14 +62,16 @@ pub(super) struct ServoTimer<R> {
     falls: bool,
     /// Level of the pin.
     high: bool,
-    layout: core::marker::PhantomData<R>,
 }
 
-impl<R: Layout> ServoTimer<R> {
-    /// Creates a timer. `channel` is the channel of the pin, 1 or 2.
-    pub(super) const fn new(channel: u8) -> Self {
+impl<B> ServoTimer<B> {
+    /// Creates a timer with these registers. `channel` is the channel of the pin, 1 or 2.
+    pub(super) const fn new(name: &'static str, bus: B, table: &'static [RegisterSpec], channel: u8) -> Self {
         Self {
+            name,
+            bus,
             hz: 0,
+            table,
             edges: Vec::new(),
             second_channel: channel == 2,
             used: [0; 3],
@@ -99,24 +79,34 @@ impl<R: Layout> ServoTimer<R> {
             next: None,
             falls: false,
             high: false,
-            layout: core::marker::PhantomData,
         }
     }
 
-    fn register(offset: u32, registers: &RegisterFile) -> Option<u64> {
-        let place = R::REGISTERS.iter().position(|register| register.offset == offset)?;
-        Some(registers.get(R::from_index(place)?))
+    /// Returns all edges so far.
+    pub(super) fn edges(&self) -> &[Edge] {
+        &self.edges
     }
 
-    fn get(offset: u32, registers: &RegisterFile) -> u64 {
-        Self::register(offset, registers).unwrap_or_default()
+    /// Resets the timer at the time `at`, ns. A reset ends a pulse.
+    pub(super) fn reset_at(&mut self, at: u64) {
+        self.drive(at, false);
+        Device::reset(self);
+    }
+
+    fn register(&self, offset: u32, registers: &RegisterFile) -> Option<u64> {
+        let row = self.table.iter().position(|register| register.offset == offset)?;
+        Some(registers.get(Row(row)))
+    }
+
+    fn get(&self, offset: u32, registers: &RegisterFile) -> u64 {
+        self.register(offset, registers).unwrap_or_default()
     }
 
     /// True if the channel drives its pin. Timers with a BDTR also need its main output enabled.
     fn enabled(&self, registers: &RegisterFile) -> bool {
         let bit = if self.second_channel { 1 << 4 } else { 1 };
-        Self::get(CCER, registers) & bit != 0
-            && Self::register(BDTR, registers).is_none_or(|bdtr| bdtr & MOE != 0)
+        self.get(CCER, registers) & bit != 0
+            && self.register(BDTR, registers).is_none_or(|bdtr| bdtr & MOE != 0)
     }
 
     /// Returns the time in ns at which `ticks` of the present period have passed.
@@ -134,14 +124,14 @@ impl<R: Layout> ServoTimer<R> {
 
     fn load(&mut self, registers: &RegisterFile) {
         let compare = if self.second_channel { CCR2 } else { CCR1 };
-        self.used = [PSC, ARR, compare].map(|offset| Self::get(offset, registers));
+        self.used = [PSC, ARR, compare].map(|offset| self.get(offset, registers));
     }
 
     /// Begins a period at this time, ns.
     fn begin(&mut self, at: u64, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         self.frame = at;
         let [_, reload, compare] = self.used;
-        if Self::get(CR1, registers) & CEN == 0 || reload == 0 {
+        if self.get(CR1, registers) & CEN == 0 || reload == 0 {
             self.next = None;
             return;
         }
@@ -153,25 +143,29 @@ impl<R: Layout> ServoTimer<R> {
     }
 }
 
-impl<R: Layout> Device for ServoTimer<R> {
-    type Register = R;
+impl<B> Device for ServoTimer<B> {
+    type Register = Row;
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        self.table
+    }
 
     fn write(
         &mut self,
-        register: R,
+        Row(row): Row,
         value: u64,
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
         let now = context.now().0;
         let running = self.next.is_some();
-        match register.spec().offset {
+        match self.table[row].offset {
             EGR if value & UG != 0 => {
                 self.load(registers);
                 self.begin(now, registers, context);
             }
             CR1 if value & CEN != 0 && !running => {
-                let mode = Self::get(CCMR1, registers) >> if self.second_channel { 8 } else { 0 };
+                let mode = self.get(CCMR1, registers) >> if self.second_channel { 8 } else { 0 };
                 if value & ARPE == 0 || mode & MODE_MASK != PWM_MODE_1 {
                     context.tell("CR1", "a servo's timer is modelled in PWM mode 1 with preloads only");
                 }
@@ -195,7 +189,7 @@ impl<R: Layout> Device for ServoTimer<R> {
             return;
         }
         let end = self.after(self.used[1] + 1);
-        if Self::get(CR1, registers) & UDIS == 0 {
+        if self.get(CR1, registers) & UDIS == 0 {
             self.load(registers);
         }
         self.begin(end, registers, context);
