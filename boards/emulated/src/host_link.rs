@@ -116,10 +116,11 @@ impl HostLink {
     /// Sends a request. Returns the time at which its last byte has arrived.
     pub fn send(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Duration {
         let request = request.into();
-        self.send_packet(line, request.id(), &request.payload())
+        self.send_raw(line, request.id(), &request.payload())
     }
 
-    fn send_packet(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Duration {
+    /// Sends a request whose payload may have any content. Returns the time at which its last byte has arrived.
+    pub fn send_raw(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Duration {
         let bytes = self.packet(id, payload);
         line.first().send(&bytes);
         line.first().now() + BYTE * u32::try_from(bytes.len()).expect("a short packet")
@@ -128,12 +129,11 @@ impl HostLink {
     /// Sends a request. Returns its answer, and the time from the end of the request to the end of the answer. Returns `None` if no
     /// answer arrives within 100 ms.
     pub fn timed(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Option<(Packet, Duration)> {
-        let request = request.into();
-        self.exchange(line, request.id(), &request.payload())
+        let sent = self.send(line, request);
+        self.answer(line, sent)
     }
 
-    fn exchange(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Option<(Packet, Duration)> {
-        let sent = self.send_packet(line, id, payload);
+    fn answer(&mut self, line: &mut impl Line, sent: Duration) -> Option<(Packet, Duration)> {
         let (source, reference) = (self.address, self.message);
         (0..500).find_map(|_| {
             line.run(Duration::from_micros(200));
@@ -148,10 +148,19 @@ impl HostLink {
     ///
     /// # Panics
     /// Panics if no answer arrives within 100 ms.
-    pub fn request(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
+    pub fn request(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Reply {
+        let request = request.into();
+        self.request_raw(line, request.id(), &request.payload())
+    }
+
+    /// Sends a request whose payload may have any content, and waits for the answer.
+    ///
+    /// # Panics
+    /// Panics if no answer arrives within 100 ms.
+    pub fn request_raw(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
         let request = format!("request {id:#06x} {payload:02x?} to address {}", self.address);
-        let (packet, _) =
-            self.exchange(line, id, payload).unwrap_or_else(|| panic!("no answer to {request}"));
+        let sent = self.send_raw(line, id, payload);
+        let (packet, _) = self.answer(line, sent).unwrap_or_else(|| panic!("no answer to {request}"));
         Reply::read(&packet, id).unwrap_or_else(|| panic!("{packet:02x?} to {request}"))
     }
 
@@ -161,7 +170,7 @@ impl HostLink {
     /// Panics if the hub refuses the request or does not answer.
     pub fn command(&mut self, line: &mut impl Line, request: impl Into<Request>) {
         let request = request.into();
-        let reply = self.request(line, request.id(), &request.payload());
+        let reply = self.request(line, request.clone());
         assert!(matches!(reply, Reply::Ack { .. }), "{request:?}: {reply:?}");
     }
 
@@ -171,7 +180,7 @@ impl HostLink {
     /// Panics if the hub refuses the request or does not answer.
     pub fn read<A: Field>(&mut self, line: &mut impl Line, request: impl Into<Request>) -> A {
         let request = request.into();
-        let reply = self.request(line, request.id(), &request.payload());
+        let reply = self.request(line, request.clone());
         let Reply::Data(payload) = reply else { panic!("{request:?}: {reply:?}") };
         A::read(&mut Fields::new(&payload)).unwrap_or_else(|_| panic!("{request:?}: {payload:02x?}"))
     }

@@ -175,8 +175,7 @@ fn set_up(
     let request = |group| Request::Set(channel, Values::of(group, &settings));
     let default = MotorSettings::new(Settings::new(settings.motor.winding));
     // An image that the user has chosen may lack this hub's own protocol.
-    let set_up = request(Group::SetUp);
-    if !matches!(host.request(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
+    if !matches!(host.request(bench, request(Group::SetUp)), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
     host.command(bench, request(Group::Timing));
@@ -245,8 +244,7 @@ fn carry_out(
                 }
                 Setpoint::Identify { travel_limit } => {
                     host.power(bench, motor, 0);
-                    let request = MotorFunction::Identify { travel_limit }.to(motor);
-                    host.request(bench, request.id(), &request.payload());
+                    host.request(bench, MotorFunction::Identify { travel_limit }.to(motor));
                 }
             }
             // Identification and constant current end when a mode is set.

@@ -6,7 +6,7 @@ use crate::common::{am60, board, expect_speed, ms, on, open_since, other_board, 
 use emulated::host_link::{HostLink, Line};
 use emulated::{Bench, Board, ChainBench, LineFault, Setup};
 use motor_hub::chain::ChainReport;
-use motor_hub::extension::{HubFunction, Request};
+use motor_hub::extension::HubFunction;
 use motor_hub::protocol::requests::Standard;
 use motor_hub::protocol::{Address, BROADCAST, Reply};
 
@@ -210,7 +210,6 @@ fn a_packet_is_driven_to_its_end_though_an_interrupt_comes_late_at_the_end_of_em
 #[test]
 fn without_a_transceiver_a_hub_has_no_chain_line() {
     let (mut bench, mut host) = with_host(vec![]);
-    let request = Request::from(HubFunction::Chain);
-    let reply = host.request(&mut bench, request.id(), &request.payload());
+    let reply = host.request(&mut bench, HubFunction::Chain);
     assert!(matches!(reply, Reply::Nack { .. }), "{reply:?}");
 }

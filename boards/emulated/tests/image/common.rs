@@ -125,12 +125,6 @@ pub(crate) fn expect_speed(bench: &mut Bench, motors: impl IntoIterator<Item = u
     }
 }
 
-/// Sends a packet, and returns the time at which its last byte has arrived: a byte has ten bits at 460 800 baud.
-pub(crate) fn send(bench: &mut Bench, packet: &[u8]) -> Duration {
-    bench.send(packet);
-    bench.now() + Duration::from_nanos(21_701) * packet.len() as u32
-}
-
 /// Watches the task that samples the encoders every millisecond.
 pub(crate) fn watch_samples(bench: &mut Bench) {
     let mut tasks = bench.symbols().iter().filter(|s| s.name.contains("capture_task"));

@@ -38,7 +38,7 @@ impl Daemon {
         let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
         for (id, rest) in [(0x1021, &width[..]), (0x101F, &period), (0x1023, &[1])] {
             for (id, payload) in Self::of_channel(id, 0..6, rest) {
-                daemon.host.request(&mut daemon.bench, id, &payload);
+                daemon.host.request_raw(&mut daemon.bench, id, &payload);
             }
         }
         daemon
@@ -96,8 +96,7 @@ impl Daemon {
             while unanswered < UNANSWERED {
                 let next = first.pop_front().or_else(|| if awaited == 0 { then.pop_front() } else { None });
                 let Some((id, payload)) = next else { break };
-                let bytes = self.host.packet(id, &payload);
-                self.bench.send(&bytes);
+                self.host.send_raw(&mut self.bench, id, &payload);
                 unanswered += 1;
             }
             self.bench.run(STEP);
@@ -153,8 +152,8 @@ fn loads() -> [f64; 3] {
         let (start, before) = (daemon.bench.now(), daemon.bench.instructions());
         for _ in 0..CYCLES {
             if host == 2 {
-                daemon.host.request(&mut daemon.bench, 0x1034, &[0, 0x28, 8, 0x20]);
-                daemon.host.request(&mut daemon.bench, 0x1029, &[0]);
+                daemon.host.request_raw(&mut daemon.bench, 0x1034, &[0, 0x28, 8, 0x20]);
+                daemon.host.request_raw(&mut daemon.bench, 0x1029, &[0]);
             }
             if host > 0 {
                 daemon.cycle(false);

@@ -51,7 +51,7 @@ impl Devices {
     }
 
     fn request(&mut self, id: u16, payload: &[u8]) -> Reply {
-        self.host.request(&mut self.bench, id, payload)
+        self.host.request_raw(&mut self.bench, id, payload)
     }
 
     fn command(&mut self, id: u16, payload: &[u8]) {
@@ -100,8 +100,7 @@ impl Devices {
     fn set_base(&mut self, use_gyro: bool) {
         let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
         let base = BaseSettings::new([0, 1], &geometry, use_gyro).expect("in range");
-        let request = Request::from(HubFunction::SetBase { base });
-        self.command(request.id(), &request.payload());
+        self.host.command(&mut self.bench, HubFunction::SetBase { base });
     }
 
     fn read_register(&mut self, bus: u8, register: u8, count: u8) -> (u8, Vec<u8>, Duration) {
@@ -408,8 +407,7 @@ fn the_line_that_speaks_first_is_the_hosts_until_a_reset() {
     let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
     let answers = |bench: &mut Bench, host: &mut HostLink, line| {
         bench.use_line(line);
-        let packet = host.packet(0x7F04, &[]);
-        bench.send(&packet);
+        host.send(bench, Standard::KeepAlive);
         bench.run(ms(5));
         !host.arrivals(bench).is_empty()
     };

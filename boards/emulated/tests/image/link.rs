@@ -2,16 +2,14 @@
 
 use std::time::Duration;
 
-use crate::common::{
-    am60, board, booted, expect_speed, four_loads, ms, open_since, send, set_speeds, with_host,
-};
+use crate::common::{am60, board, booted, expect_speed, four_loads, ms, open_since, set_speeds, with_host};
 use emulated::Bench;
 use emulated::host_link::HostLink;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::OVERHEAD;
-use motor_hub::protocol::requests::{BATTERY, ToHub};
+use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 
 /// Runs while the host sends a keep-alive every second.
 fn run(bench: &mut Bench, host: &mut HostLink, time: Duration) {
@@ -86,9 +84,8 @@ pub(crate) fn power_and_coast_reach_the_bridge_within_2_ms() {
     for round in 0..60_u64 {
         let (id, payload) = words[round as usize % words.len()];
         bench.run(Duration::from_micros(20_000 + round * 7_919 % 50_000));
-        let packet = host.packet(id, payload);
         let before = bench.transitions().len();
-        let last = send(&mut bench, &packet);
+        let last = host.send_raw(&mut bench, id, payload);
         bench.run(ms(10));
         let changed = bench.transitions()[before..].iter().find(|t| t.motor == 0).map(|t| t.at - last);
         slowest = slowest.max(changed.expect("within 10 ms"));
@@ -182,10 +179,9 @@ fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
     let (mut slowest, mut unanswered) = (Duration::ZERO, Vec::new());
     for round in 0..6000_u64 {
         let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
-        let packet = host.packet(kind, payload);
         // The requests come at different phases of the control tick and of the log.
         bench.run(Duration::from_micros(round * 7919 % 1500));
-        let last_byte = send(&mut bench, &packet);
+        let last_byte = host.send_raw(&mut bench, kind, payload);
         let mut reply = None;
         bench.run_while(Duration::from_micros(500), ms(20), |bench| {
             reply = host.arrivals(bench).pop();
@@ -263,8 +259,7 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
     bench.garble_serial(20_000, 7);
     let mut answers = 0;
     for _ in 0..150 {
-        let packet = host.packet(0x1000, &[]);
-        bench.send(&packet);
+        host.send(&mut bench, ToHub::Bulk);
         bench.run(ms(10));
         answers += host.arrivals(&mut bench).len();
     }
@@ -287,8 +282,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
         set_speeds(&mut bench, &mut host);
         let tick = bench.now().as_millis() as u64 / 50 * 50;
         bench.run_until(ms(tick + 100 + phase));
-        let packet = host.packet(0x7F04, &[]);
-        let last = send(&mut bench, &packet);
+        let last = host.send(&mut bench, Standard::KeepAlive);
         bench.run(ms(2400));
         assert!((0..4).all(|motor| !bench.lines(motor).open()));
         bench.run(ms(300));
@@ -320,13 +314,13 @@ pub(crate) fn digital_pins_are_read_and_driven() {
         bench.connect_pin(pin, None);
     }
     let ack = |reply| assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
-    ack(host.request(&mut bench, 0x1003, &[1, 1]));
+    ack(host.request_raw(&mut bench, 0x1003, &[1, 1]));
     assert_eq!((bench.pin_level(0), bench.pin_level(1)), (true, false), "an output is low");
-    ack(host.request(&mut bench, 0x1001, &[1, 1]));
+    ack(host.request_raw(&mut bench, 0x1001, &[1, 1]));
     assert!(bench.pin_level(1));
-    assert_eq!(host.request(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
-    assert_eq!(host.request(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
-    ack(host.request(&mut bench, 0x1001, &[1, 0]));
+    assert_eq!(host.request_raw(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
+    assert_eq!(host.request_raw(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
+    ack(host.request_raw(&mut bench, 0x1001, &[1, 0]));
     assert!(!bench.pin_level(1));
     // When the host is silent, the hub makes the pin an input again.
     bench.run(ms(2_700));
@@ -341,9 +335,8 @@ fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
     for _ in 0..3 {
         // The second answer is longer than the line's buffer of 128 bytes.
         for request in [Request::from(ToHub::Bulk), HubFunction::Report.into(), ToHub::VersionText.into()] {
-            let Reply::Data(payload) = host.request(&mut bench, request.id(), &request.payload()) else {
-                panic!("{request:?}")
-            };
+            let reply = host.request(&mut bench, request);
+            let Reply::Data(payload) = reply else { panic!("{reply:?}") };
             lengths.push(OVERHEAD + payload.len());
         }
         host.keep_alive(&mut bench);
@@ -364,7 +357,7 @@ pub(crate) fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
             bench.hold_sda(1, 200);
         }
         let mut order = |function: u16, payload: [u8; 2]| {
-            let reply = host.request(&mut bench, 0x1000 + function, &payload);
+            let reply = host.request_raw(&mut bench, 0x1000 + function, &payload);
             assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
             host.bulk(&mut bench).digital >> to & 1
         };

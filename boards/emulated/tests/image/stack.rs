@@ -23,7 +23,7 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     for motor in 0..4 {
         // An AM 60 A, Scheme B, linear current.
         let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
-        assert_eq!(host.request(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
+        assert_eq!(host.request_raw(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
         host.velocity(&mut bench, motor, 1500);
     }
     for _ in 0..100 {

@@ -42,8 +42,7 @@ pub(crate) fn protect(bench: &mut Bench, host: &mut HostLink, ma: u16) {
 }
 
 fn protected(bench: &mut Bench, host: &mut HostLink) -> Values {
-    let request = Request::Get(1, Group::Protection);
-    let reply = host.request(bench, request.id(), &request.payload());
+    let reply = host.request(bench, Request::Get(1, Group::Protection));
     let Reply::Data(payload) = reply else { panic!("{reply:?}") };
     Values::read(Group::Protection, &mut Fields::new(&payload)).expect("a protection")
 }

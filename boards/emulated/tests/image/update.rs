@@ -8,7 +8,6 @@ use crate::common::{am60, booted_as, ms, on, setup, watch_samples, worst_sample}
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::Reply;
@@ -35,10 +34,9 @@ fn version(bench: &mut Bench, host: &mut HostLink) -> String {
 
 /// Repeats a request until the hub accepts it. The hub refuses the request until it has written the previous data.
 fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
-    let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
     loop {
-        match host.request(bench, request.id(), &request.payload()) {
+        match host.request(bench, request.clone()) {
             Reply::Ack { .. } => return,
             Reply::Nack(Nack::UPDATE_BUSY) if bench.now() < end => bench.run(ms(20)),
             reply => panic!("{request:?}: {reply:?}"),
@@ -49,8 +47,7 @@ fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
 /// Expects that the hub refuses a request for a reason.
 #[track_caller]
 fn refused(bench: &mut Bench, host: &mut HostLink, request: HubFunction, why: Nack) {
-    let request = Request::from(request);
-    assert_eq!(host.request(bench, request.id(), &request.payload()), Reply::Nack(why));
+    assert_eq!(host.request(bench, request), Reply::Nack(why));
 }
 
 /// Announces an image.
@@ -120,8 +117,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let started = bench.now();
     // The image is swapped in, the bootloader's watchdog resets, and the image is swapped back. 16 sectors are erased.
     let back = bench.run_while(ms(500), ms(90_000), |bench| {
-        let packet = host.packet(HubFunction::Update.number() + 0x4D00, &[]);
-        bench.send(&packet);
+        host.send(bench, HubFunction::Update);
         bench.run(ms(20));
         !host.arrivals(bench).is_empty()
     });
