@@ -25,7 +25,6 @@ mod faulty_code;
 pub mod host_link;
 mod processor;
 mod pwm;
-pub mod recording;
 mod register_device;
 pub mod replay;
 mod rtt;

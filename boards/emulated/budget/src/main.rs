@@ -18,8 +18,7 @@ use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::supply::Battery;
 use motor_hub::units::{
-    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Milliamperes, Millivolts,
-    Period,
+    AccelerationPerVolt, CountsPerSecond, DecayRate, EmfConstant, Micros, Millivolts, Period,
 };
 
 /// Inputs in a batch.
@@ -51,18 +50,14 @@ fn put(words: &[AtomicU32], index: usize, value: u32) {
 
 /// Returns a set-point from its four words: kind, target, tolerance, speed limit.
 fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
-    let value = word(words, at + 1).cast_signed();
     let speed = |bits: u32| CountsPerSecond::saturating_from_bits(i64::from(bits.cast_signed()));
     match word(words, at) {
-        1 => Setpoint::ConstantPower(Control::saturating(i64::from(value))),
         2 => Setpoint::Velocity(speed(word(words, at + 1))),
         3 => Setpoint::Position {
-            target: value,
+            target: word(words, at + 1).cast_signed(),
             tolerance: word(words, at + 2) as u16,
             speed_limit: speed(word(words, at + 3)),
         },
-        5 => Setpoint::Identify { travel_limit: word(words, at + 1) },
-        6 => Setpoint::Current { current: Milliamperes::new(value), speed_limit: speed(word(words, at + 3)) },
         _ => Setpoint::Disabled,
     }
 }

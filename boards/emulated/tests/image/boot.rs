@@ -4,15 +4,13 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::common::{am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup};
+use crate::recording::Configuration;
 use emulated::host_link::HostLink;
-use emulated::recording::{self, Configuration};
 use emulated::{Bench, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
-use motor_hub::regulator;
 use motor_hub::units::Period;
 
 #[test]
@@ -60,23 +58,13 @@ pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
     let mut host = HostLink::default();
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
-        let mut settings = Settings::new(Winding::NEVEREST_60);
-        match configuration {
-            Configuration::Configured => {
-                let known = recording::dynamics(mounting, &settings).expect("a motor's constants");
-                settings.dynamics = Some(known);
-                let motion = Values::of(Group::Motion, &MotorSettings::new(settings));
-                host.command(&mut bench, Request::Set(motor as u8, motion));
-            }
-            Configuration::Unknown => {}
-            Configuration::Coefficients => {
-                let Settings { winding, scheme, .. } = settings;
-                let suggested = regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT);
-                let motor_hub::motion::Pidf { p, i, d, f } = suggested.velocity;
-                let coefficients = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
-                let order = ToMotor::SetPidf { of: Loop::Velocity, coefficients };
-                host.command(&mut bench, order.to(motor as u8));
-            }
+        let settings = Settings::new(Winding::NEVEREST_60);
+        let settings = configuration.apply(settings, mounting, Period::DEFAULT);
+        let groups =
+            [settings.dynamics.map(|_| Group::Motion), settings.coefficients.map(|_| Group::VelocityLoop)];
+        for group in groups.into_iter().flatten() {
+            let values = Values::of(group, &MotorSettings::new(settings));
+            host.command(&mut bench, Request::Set(motor as u8, values));
         }
         host.velocity(&mut bench, motor as u8, 1000);
     }

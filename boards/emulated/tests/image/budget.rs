@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{board, ms, publish};
+use crate::common::{am60, board, ms, publish};
+use crate::recording::{Configuration, ControlVariant, Counts, OnChip, Recording};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
-use emulated::recording::{Configuration, ControlVariant, Counts, OnChip, Recording, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
@@ -47,10 +47,8 @@ fn record(mode: &str, variant: ControlVariant, ms: u32, ticks: usize) -> Recordi
     let period = Period::from_millis(ms).expect("a period");
     let per_second = 1000 / ms as usize;
     match mode {
-        "velocity" => {
-            Recording::new(&crate::common::am60(), variant, period, ticks, velocities(per_second), torque)
-        }
-        _ => Recording::new(&crate::common::am60(), variant, period, ticks, positions(per_second), torque),
+        "velocity" => Recording::new(&am60(), variant, period, ticks, velocities(per_second), torque),
+        _ => Recording::new(&am60(), variant, period, ticks, positions(per_second), torque),
     }
 }
 
@@ -62,11 +60,10 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
                 let recording = record(mode, variant, ms, if ms == 50 { 500 } else { 8000 });
                 let mut chip = OnChip::new(&recording);
                 let answers = chip.replay(&recording.inputs);
-                let expected = expected(&recording);
-                let differs = answers.iter().zip(&expected).position(|(chip, host)| chip != host);
+                let differs = answers.iter().zip(&recording.answers).position(|(chip, host)| chip != host);
                 assert_eq!(differs, None, "{mode} at {ms} ms, {variant:?}: tick differs");
-                assert_eq!(answers.len(), expected.len());
-                assert_eq!(chip.gaps(), Vec::<String>::new());
+                assert_eq!(answers.len(), recording.answers.len());
+                assert_eq!(chip.bench.gaps(), Vec::<String>::new());
             }
         }
     }
@@ -165,7 +162,7 @@ fn report_of_a_step() {
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
         println!("\n{mode}, {variant:?}, 50 ms: instructions per step");
-        report(chip.image(), chip.symbols(), &counts, recording.answers.len() as f64);
+        report(&chip.image, chip.bench.symbols(), &counts, recording.answers.len() as f64);
     }
 }
 
@@ -184,7 +181,7 @@ fn report_of_the_hub() {
 }
 
 /// Prints how often instructions ran, by several views, in multiples of `unit`.
-pub(crate) fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
+fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
     let image = std::fs::read(image).expect("the image");
     let lines = source_lines(&image);
     let (mut by_module, mut by_symbol, mut by_function, mut by_line) =

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::common::{board, booted, four_loads, ms};
+use crate::recording::Configuration;
 use emulated::host_link::HostLink;
-use emulated::recording::Configuration;
 use emulated::{Bench, RegisterDevice, elf};
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;

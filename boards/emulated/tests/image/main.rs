@@ -16,6 +16,7 @@ mod matrix;
 mod pressed;
 mod pwm;
 mod record;
+mod recording;
 mod running;
 mod scenario_parts;
 mod stack;

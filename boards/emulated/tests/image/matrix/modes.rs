@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use emulated::host_link::{HostLink, Line};
-use emulated::{Board, ChainBench, Mounting, recording};
+use emulated::{Board, ChainBench, Mounting};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -12,6 +12,7 @@ use motor_hub::model::si::KgM2;
 use motor_hub::motor::{OnFault, Settings};
 
 use crate::common::{am60_with, ms};
+use crate::recording::dynamics;
 
 /// The modes of the four motors, in the order of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +49,7 @@ impl Setup {
             return;
         }
         let mut settings = Settings::new(Winding::NEVEREST_60);
-        settings.dynamics = Some(recording::dynamics(&wheel(), &settings).expect("a motor's constants"));
+        settings.dynamics = Some(dynamics(&wheel(), &settings));
         settings.on_fault = OnFault::Brake;
         for group in [Group::Motion, Group::Protection] {
             let values = Values::of(group, &MotorSettings::new(settings));
