@@ -35,9 +35,8 @@ mod repeated {
         link::power_and_coast_reach_the_bridge_within_2_ms,
         link::digital_pins_are_read_and_driven,
         faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
-        supply::a_halted_core_leaves_no_pwm_on,
+        supply::halted_cores_noisy_encoders_and_open_lines_find_their_registers_set,
         supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
-        supply::encoder_inputs_are_filtered,
         record::a_panic_is_on_record_with_its_line,
         record::the_record_is_empty_after_power_on_whatever_the_memory_holds,
     );

@@ -13,7 +13,6 @@ mod flash;
 mod h743;
 mod link;
 mod matrix;
-mod pressed;
 mod pwm;
 mod record;
 mod recording;

@@ -1,7 +1,8 @@
 //! Regulated motors on the chip, started by the button, without a host.
 
-use crate::common::{booted, counts_in, expect_speed, four_loads, log, ms, turning};
-use emulated::Lines;
+use crate::common::{am60, booted, counts_in, expect_speed, four_loads, log, ms, turning};
+use emulated::host_link::HostLink;
+use emulated::{Bench, Lines};
 
 #[test]
 pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
@@ -62,4 +63,43 @@ fn the_same_image_runs_the_same_way_twice() {
     };
     // In the second run the emulator has already translated the code.
     assert_eq!(run(), run());
+}
+
+/// `tests/button.rs` and `tests/responder` of the library have all that forbids the button.
+#[test]
+fn the_button_drives_no_motor_on_a_low_battery_nor_once_a_host_has_spoken() {
+    let mut bench = booted(vec![am60(); 4]);
+    let all_open = |bench: &mut Bench| (0..4).all(|motor| bench.lines(motor).open());
+    let press_anew = |bench: &mut Bench| {
+        bench.press(false);
+        bench.run(ms(100));
+        bench.press(true);
+        bench.run(ms(500));
+    };
+    bench.set_battery(6.5);
+    bench.run(ms(200));
+    press_anew(&mut bench);
+    assert!(all_open(&mut bench));
+    // The motors also do not start when the battery recovers while the button is held.
+    bench.set_battery(12.0);
+    bench.run(ms(500));
+    assert!(all_open(&mut bench));
+    press_anew(&mut bench);
+    assert!((0..4).all(|motor| !bench.lines(motor).open()));
+    // A host that enables a motor in its first milliseconds is not disturbed by the button, which is still held.
+    let mut host = HostLink::default();
+    host.velocity(&mut bench, 0, -1000);
+    bench.run(ms(1000));
+    assert!((1..4).all(|motor| bench.lines(motor).open()));
+    host.keep_alive(&mut bench);
+    press_anew(&mut bench);
+    let speed = bench.look(0).counts_per_second;
+    assert!((speed + 1000.0).abs() < 30.0, "{speed} counts/s");
+    assert!((1..4).all(|motor| bench.lines(motor).open()));
+    // The button also has no effect after the host has gone.
+    bench.run(ms(2_600));
+    assert!(all_open(&mut bench));
+    press_anew(&mut bench);
+    assert!(all_open(&mut bench));
+    bench.assert_sound();
 }

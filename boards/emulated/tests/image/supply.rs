@@ -41,44 +41,31 @@ fn flash_is_read_ahead_and_cached_with_five_wait_states() {
     }
 }
 
+/// Registers that protect the chip and its motors from what is outside. Nothing else in a run shows them.
 #[test]
-pub(crate) fn a_halted_core_leaves_no_pwm_on() {
+pub(crate) fn halted_cores_noisy_encoders_and_open_lines_find_their_registers_set() {
     let mut bench = booted(vec![am60()]);
-    // DBGMCU_APB2_FZ, DBGMCU_APB2FZ1.
-    let freeze = by_board(0xE004_200C, 0x5C00_104C);
-    assert_eq!(bits(bench.register(freeze), 0, 0), 1, "DBG_TIM1_STOP");
-    assert_eq!(bits(bench.register(TIM1_BDTR), 10, 10), 1, "OSSI: the pins are driven low meanwhile");
-}
-
-#[test]
-pub(crate) fn encoder_inputs_are_filtered() {
-    let mut bench = booted(vec![am60()]);
+    let (freeze, ports) = by_board((0xE004_200C, 0x4002_0000), (0x5C00_104C, 0x5802_0000));
+    let pulls = |port: u64| ports + 0x400 * port + 0x0C;
+    let mut fields = vec![
+        ("DBG_TIM1_STOP: a halted core stops the PWM", freeze, 0..=0, 1),
+        ("OSSI: the pins of a halted timer are driven low", TIM1_BDTR, 10..=10, 1),
+        ("PD9, RX: an undriven line of the host is pulled up", pulls(3), 18..=19, 0b01),
+    ];
     for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4001_0400] {
         // CKD divides the timer's clock by 4. IC1F and IC2F divide it by 32 more, and need eight equal samples.
-        assert_eq!(bits(bench.register(timer), 9, 8), 2, "{timer:#x}: CKD");
-        let inputs = bench.register(timer + 0x18);
-        assert_eq!([bits(inputs, 7, 4), bits(inputs, 15, 12)], [15, 15], "{timer:#x}: filters");
+        fields.push(("CKD of an encoder", timer, 8..=9, 2));
+        fields.extend([4..=7, 12..=15].map(|filter| ("filter of an encoder", timer + 0x18, filter, 15)));
     }
-}
-
-/// With a pull-up of the chip, current of an encoder's 5 V would flow into the chip.
-#[test]
-fn encoder_pins_have_no_pull_of_the_chip() {
-    let mut bench = booted(vec![am60()]);
-    let first = by_board(0x4002_0000_u64, 0x5802_0000);
-    // PA15, PB3, PB4, PB5, PC6, PC7, PD12, PD13: GPIOx_PUPDR.
+    // With a pull-up of the chip, current of an encoder's 5 V would flow into the chip.
+    // PA15, PB3, PB4, PB5, PC6, PC7, PD12, PD13.
     for (port, pin) in [(0, 15), (1, 3), (1, 4), (1, 5), (2, 6), (2, 7), (3, 12), (3, 13)] {
-        let pulls = bench.register(first + 0x400 * port + 0x0C);
-        assert_eq!(bits(pulls, 2 * pin + 1, 2 * pin), 0b00, "port {port} from A, pin {pin}");
+        fields.push(("no pull on an encoder's pin", pulls(port), 2 * pin..=2 * pin + 1, 0b00));
     }
-}
-
-#[test]
-fn an_undriven_line_of_the_host_is_pulled_up() {
-    let mut bench = booted(vec![am60()]);
-    // GPIOD_PUPDR.
-    let pulls = by_board(0x4002_0C0C, 0x5802_0C0C);
-    assert_eq!(bits(bench.register(pulls), 19, 18), 0b01, "PD9, RX");
+    for (what, at, field, value) in fields {
+        let found = bits(bench.register(at), *field.end(), *field.start());
+        assert_eq!(found, value, "{what}: bits {field:?} of {at:#x}");
+    }
 }
 
 #[test]
