@@ -8,7 +8,6 @@
 //!
 //! Resistors outside the chip pull both lines up to 3.3 V. The chip's own pull-ups are too weak for 400 kbit/s.
 
-use core::fmt;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, AnyPin, Flex, OutputType, Pin, Speed};
 use embassy_stm32::i2c::{Instance, SclPin, SdaPin};
@@ -36,20 +35,6 @@ pub enum Error {
     /// The operations are not a write, a read, or a write and a read. No host requests other operations.
     Unsupported,
 }
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NoAddress => "no device has acknowledged the address",
-            Self::NoData => "a device has not acknowledged a byte",
-            Self::Arbitration => "another controller has taken the bus",
-            Self::Held => "a device holds a line low",
-            Self::Unsupported => "only a write, a read, or a write and a read can be one transfer",
-        })
-    }
-}
-
-impl core::error::Error for Error {}
 
 impl embedded_hal_async::i2c::Error for Error {
     fn kind(&self) -> ErrorKind {

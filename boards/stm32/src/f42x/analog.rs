@@ -39,11 +39,6 @@ pub(super) fn vrefint() -> u16 {
     pac::ADC1.jdr(0).read().jdata()
 }
 
-/// Returns the newest reading of the temperature sensor, which is the second of ADC1's injected group.
-fn temperature() -> u16 {
-    pac::ADC1.jdr(1).read().jdata()
-}
-
 /// Collects the readings of a sequence that has ended.
 fn collect() {
     if pac::ADC2.sr().read().jeoc() {
@@ -51,7 +46,8 @@ fn collect() {
         let sequence = Sequence {
             inputs: core::array::from_fn(|place| pac::ADC2.jdr(place).read().jdata()),
             rail: pac::ADC2.dr().read().data(),
-            temperature: temperature(),
+            // The second of ADC1's injected group.
+            temperature: pac::ADC1.jdr(1).read().jdata(),
             vrefint: vrefint(),
         };
         NEWEST.ended(sequence);
@@ -72,9 +68,5 @@ pub(super) fn next() {
 /// Returns the newest readings.
 fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings(factory())
-}
-
-fn factory() -> Factory {
-    Factory::read(FactoryWord::F42X, FactoryWord::F42X_TEMPERATURE)
+    NEWEST.readings(Factory::read(FactoryWord::F42X, FactoryWord::F42X_TEMPERATURE))
 }

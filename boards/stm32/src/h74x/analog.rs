@@ -99,9 +99,5 @@ pub(super) fn next() {
 /// Returns the newest readings.
 pub fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings(factory())
-}
-
-fn factory() -> Factory {
-    Factory::read(FactoryWord::H74X, FactoryWord::H74X_TEMPERATURE)
+    NEWEST.readings(Factory::read(FactoryWord::H74X, FactoryWord::H74X_TEMPERATURE))
 }

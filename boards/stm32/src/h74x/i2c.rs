@@ -96,8 +96,9 @@ impl Controller {
         });
     }
 
-    async fn stopped(&self) -> Result<(), Error> {
-        self.wait(Isr::stopf, Error::NoData).await?;
+    /// Waits for the stop condition.
+    async fn stopped(&self, refused: Error) -> Result<(), Error> {
+        self.wait(Isr::stopf, refused).await?;
         self.clear();
         Ok(())
     }
@@ -141,13 +142,7 @@ impl i2c_bus::Controller for Controller {
             self.registers.txdr().write(|w| w.set_txdata(*byte));
             refused = Error::NoData;
         }
-        if read_follows {
-            self.wait(Isr::tc, refused).await
-        } else {
-            self.wait(Isr::stopf, refused).await?;
-            self.clear();
-            Ok(())
-        }
+        if read_follows { self.wait(Isr::tc, refused).await } else { self.stopped(refused).await }
     }
 
     async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error> {
@@ -156,6 +151,6 @@ impl i2c_bus::Controller for Controller {
             self.wait(Isr::rxne, Error::NoAddress).await?;
             *byte = self.registers.rxdr().read().rxdata();
         }
-        self.stopped().await
+        self.stopped(Error::NoData).await
     }
 }
