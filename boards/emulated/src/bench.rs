@@ -8,6 +8,7 @@ mod probe;
 
 pub use chain::{ChainBench, LineFault};
 pub use devices::ServoPulse;
+pub use probe::Hit;
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
@@ -27,7 +28,6 @@ use crate::board::Board;
 use crate::bridge_lines::{Lines, Transition};
 use crate::chip::{FlashFaults, Nucleo, Pwm};
 use crate::elf;
-use crate::emulator_gaps;
 use crate::faulty_code;
 use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
@@ -229,16 +229,6 @@ impl Bench {
         self.wait(&result)
     }
 
-    /// Runs a function on the emulator's thread at a later virtual time.
-    fn at(
-        &mut self,
-        at: Duration,
-        task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
-    ) {
-        let at = nanos(at);
-        self.post(move |surroundings, _, _| surroundings.plan(at, Box::new(task)));
-    }
-
     /// Runs for some virtual time.
     pub fn run(&mut self, time: Duration) {
         self.run_until(Duration::from_nanos(self.now) + time);
@@ -369,7 +359,17 @@ impl Bench {
 
     /// Returns what the emulator could not do as the chip would. A run with such a gap proves nothing.
     pub fn gaps(&mut self) -> Vec<String> {
-        self.at_stop(|_, session, _| emulator_gaps::gaps(session))
+        self.at_stop(|_, session, _| {
+            let mut gaps: Vec<String> = session.unmapped().iter().map(ToString::to_string).collect();
+            gaps.extend(session.refused().iter().map(|(at, fault)| format!("refused {at:#x}: {fault}")));
+            gaps.extend(
+                session.unimplemented().iter().map(|(at, what)| format!("unimplemented {at:#x}: {what:?}")),
+            );
+            gaps.extend(session.undefined().iter().map(|(at, what)| format!("undefined {at:#x}: {what:?}")));
+            gaps.extend(session.unrouted().iter().map(|what| format!("unrouted {what:?}")));
+            gaps.extend(session.told().map(|told| format!("reported by a model {told:?}")));
+            gaps
+        })
     }
 
     /// Asserts that the emulator had no gap, that no transition of a bridge was illegal, and that the time stamp of the

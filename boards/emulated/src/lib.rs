@@ -20,7 +20,6 @@ mod board;
 mod bridge_lines;
 mod chip;
 pub mod elf;
-mod emulator_gaps;
 mod faulty_code;
 pub mod host_link;
 mod processor;
@@ -35,7 +34,7 @@ mod surroundings;
 mod system_break;
 mod wiring;
 
-pub use bench::{Bench, ChainBench, LineFault, Reset, SerialByte, ServoPulse, Setup};
+pub use bench::{Bench, ChainBench, Hit, LineFault, Reset, SerialByte, ServoPulse, Setup};
 pub use board::{Board, UnknownBoard};
 pub use bridge_lines::{Lines, Transition};
 pub use chip::{FlashFaults, Pwm};

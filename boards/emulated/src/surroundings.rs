@@ -4,9 +4,10 @@
 
 use std::collections::VecDeque;
 use std::sync::mpsc::Receiver;
+use std::time::Duration;
 
 use rigless::device::Level;
-use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
+use rigless::emulator::{Access, AccessKind, Driver, Host, Settled, Stop};
 use rigless::mcu::Operate;
 use rigless::session::Session;
 use rigless::soc::Width;
@@ -15,6 +16,7 @@ use rigless::time::VirtualNanos;
 use simulated::current_line::CurrentLine;
 use simulated::encoder::{Disturbances, Encoder, Wire};
 
+use crate::bench::Hit;
 use crate::board::Board;
 use crate::bridge_lines::{Lines, Recorder};
 use crate::chip::Nucleo;
@@ -62,8 +64,8 @@ pub(crate) struct Surroundings {
     wired: bool,
     /// An I2C bus whose SDA a device holds low, the clocks after which the device releases SDA, and the level of SCL.
     stuck: Option<(usize, u8, bool)>,
-    /// Executions of watched instructions: address, number of instructions before it, time in ns.
-    pub(crate) hits: Vec<(u64, u64, u64)>,
+    /// Executions of watched instructions.
+    pub(crate) hits: Vec<Hit>,
     pub(crate) now: u64,
     pub(crate) instructions: u64,
     timer: Timer,
@@ -121,9 +123,13 @@ impl Surroundings {
     }
 
     /// Plans a function for a later time, ns.
-    pub(crate) fn plan(&mut self, at: u64, task: BenchTask) {
+    pub(crate) fn plan(
+        &mut self,
+        at: u64,
+        task: impl FnOnce(&mut Self, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
+    ) {
         let place = self.planned.partition_point(|&(other, _)| other <= at);
-        self.planned.insert(place, (at, task));
+        self.planned.insert(place, (at, Box::new(task)));
     }
 
     /// Returns the next time at which something must be done, ns.
@@ -201,15 +207,14 @@ impl Surroundings {
     /// Plans the next disturbance of an encoder whose connection exists since the time `since`, ns.
     fn plan_disturbance(&mut self, motor: usize, since: u64, mut rest: Disturbances) {
         let Some((after, wire)) = rest.next() else { return };
-        let disturb = move |surroundings: &mut Self, session: &mut Session<Nucleo>, _: &mut dyn Host| {
+        self.plan(since + after, move |surroundings, session, _| {
             // The encoder may have been connected differently meanwhile.
             if surroundings.encoders[motor].since == since {
                 surroundings.encoders[motor].disturbed = wire;
                 surroundings.show(session, motor, surroundings.now);
                 surroundings.plan_disturbance(motor, since, rest);
             }
-        };
-        self.plan(since + after, Box::new(disturb));
+        });
     }
 
     /// Puts the button's level on its pin; the board has a pull-down.
@@ -378,8 +383,9 @@ impl Driver<Nucleo> for Surroundings {
                 self.instructions = stop.instruction_count;
                 self.look_for_reset(session);
             }
-            Settled::Hit(Hit { address, instruction_count, at, .. }) => {
-                self.hits.push((address, instruction_count, at.0));
+            Settled::Hit(hit) => {
+                let at = Duration::from_nanos(hit.at.0);
+                self.hits.push(Hit { address: hit.address, count: hit.instruction_count, at });
             }
             _ => {}
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rigless::time::VirtualNanos;
 
-use super::Bench;
+use super::{Bench, nanos};
 use crate::register_device::RegisterDevice;
 use crate::wiring;
 
@@ -73,12 +73,10 @@ impl Bench {
     pub fn hold_scl(&mut self, bus: usize, time: Duration) {
         self.post(move |surroundings, session, _| {
             surroundings.hold_line(session, bus, 0, true);
-            let end = surroundings.now + time.as_nanos() as u64;
-            let release =
-                move |surroundings: &mut super::Surroundings, session: &mut _, _: &mut dyn super::Host| {
-                    surroundings.hold_line(session, bus, 0, false);
-                };
-            surroundings.plan(end, Box::new(release));
+            let end = surroundings.now + nanos(time);
+            surroundings.plan(end, move |surroundings, session, _| {
+                surroundings.hold_line(session, bus, 0, false);
+            });
         });
     }
 

@@ -167,8 +167,11 @@ impl Bench {
 
     /// Pulls the reset pin at a later time.
     pub fn pull_reset(&mut self, at: Duration) {
-        self.at(at, |surroundings, session, host| {
-            session.reset_by_pin(VirtualNanos(surroundings.now), surroundings.instructions, host);
+        let at = nanos(at);
+        self.post(move |surroundings, _, _| {
+            surroundings.plan(at, |surroundings, session, host| {
+                session.reset_by_pin(VirtualNanos(surroundings.now), surroundings.instructions, host);
+            });
         });
     }
 

@@ -1,6 +1,7 @@
 //! What a debug probe can read of the chip: symbols, memory, registers, and when the core reaches an instruction.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::time::Duration;
 
 use rigless::emulator::Watch;
@@ -11,6 +12,17 @@ use rigless::time::VirtualNanos;
 
 use super::Bench;
 use crate::elf;
+
+/// An execution of a watched instruction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hit {
+    /// Address of the instruction.
+    pub address: u64,
+    /// Number of instructions before it since power-on.
+    pub count: u64,
+    /// Time since power-on.
+    pub at: Duration,
+}
 
 impl Bench {
     /// Returns the content of a peripheral's register at this address.
@@ -83,20 +95,15 @@ impl Bench {
         self.take_hits();
         self.run(time);
         let mut counts = BTreeMap::new();
-        for (address, _) in self.take_hits() {
+        for Hit { address, .. } in self.take_hits() {
             *counts.entry(address).or_default() += 1;
         }
         counts
     }
 
-    /// Removes and returns the noted executions: address, and the number of instructions before it since power-on.
-    pub fn take_hits(&mut self) -> Vec<(u64, u64)> {
-        self.at_stop(|surroundings, _, _| {
-            std::mem::take(&mut surroundings.hits)
-                .into_iter()
-                .map(|(address, count, _)| (address, count))
-                .collect()
-        })
+    /// Removes and returns the noted executions.
+    pub fn take_hits(&mut self) -> Vec<Hit> {
+        self.at_stop(|surroundings, _, _| std::mem::take(&mut surroundings.hits))
     }
 
     /// Reads words of the chip's memory.
@@ -110,24 +117,16 @@ impl Bench {
 
     /// Returns the content of the flash, for [`Setup::flash`](super::Setup) of another bench.
     pub fn flash(&mut self) -> Vec<u8> {
-        let std::ops::Range { start, end } = self.board.flash();
-        self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
+        self.bytes(self.board.flash())
     }
 
     /// Returns the content of the memory for settings, for [`Setup::stored`](super::Setup) of another bench.
     pub fn stored(&mut self) -> Vec<u8> {
-        let std::ops::Range { start, end } = self.board.store();
-        self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
+        self.bytes(self.board.store())
     }
 
-    /// Removes the noted executions, and returns their times.
-    pub fn take_instants(&mut self) -> Vec<Duration> {
-        self.at_stop(|surroundings, _, _| {
-            std::mem::take(&mut surroundings.hits)
-                .into_iter()
-                .map(|(_, _, at)| Duration::from_nanos(at))
-                .collect()
-        })
+    fn bytes(&mut self, Range { start, end }: Range<u64>) -> Vec<u8> {
+        self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
     }
 
     /// Writes words of the chip's memory.

@@ -130,13 +130,13 @@ pub(crate) fn watch_samples(bench: &mut Bench) {
     let mut tasks = bench.symbols().iter().filter(|s| s.name.contains("capture_task"));
     let poll = tasks.find(|s| s.name.ends_with("::poll")).expect("the task that samples").address;
     bench.watch(vec![poll]);
-    bench.take_instants();
+    bench.take_hits();
 }
 
 /// Returns the longest time between two samples since the last call of this function or of [`watch_samples`].
 pub(crate) fn worst_sample(bench: &mut Bench) -> Duration {
-    let samples = bench.take_instants();
-    samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples")
+    let samples = bench.take_hits();
+    samples.windows(2).map(|pair| pair[1].at - pair[0].at).max().expect("samples")
 }
 
 /// Returns the value for the board of the test.

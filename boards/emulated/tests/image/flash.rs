@@ -245,7 +245,7 @@ fn no_code_is_executed_in_the_second_bank_and_in_the_system_memory() {
         let mut bench = on(BOARD, || Bench::new(Setup { board: BOARD, ..stand }));
         bench.watch(vec![entry.into(), handler.into()]);
         bench.run(ms(20));
-        let arrivals: Vec<u64> = bench.take_hits().into_iter().map(|(address, _)| address).take(2).collect();
+        let arrivals: Vec<u64> = bench.take_hits().into_iter().map(|hit| hit.address).take(2).collect();
         assert_eq!(arrivals.last(), Some(&handler.into()), "{entry:#x}: {arrivals:#x?}");
     }
 }

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::common::{am60, board, booted, expect_speed, four_loads, ms, open_since, set_speeds, with_host};
-use emulated::Bench;
 use emulated::host_link::HostLink;
+use emulated::{Bench, Hit};
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
@@ -229,7 +229,7 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     bench.press(true);
     bench.run(ms(2500));
     let (mut masked, mut longest, mut begun, mut lines, mut slowest) = (Vec::new(), 0, 0, 0, 0);
-    for (at, count) in bench.take_hits() {
+    for Hit { address: at, count, .. } in bench.take_hits() {
         if masks.contains(&at) {
             masked.push(count);
         } else if restores.contains(&at) {

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use emulated::{Bench, Mounting, Setup, elf};
+use emulated::{Bench, Hit, Mounting, Setup, elf};
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
 use motor_hub::model::plant::{Plant, PlantInput};
@@ -231,7 +231,7 @@ impl OnChip {
         let watched = CALLS.map(|name| self.bench.address(name));
         let [_, stepped, _, sampled] = watched;
         let (mut counts, mut from) = (Counts::default(), 0);
-        for (address, count) in self.hits(watched.to_vec(), inputs) {
+        for Hit { address, count, .. } in self.hits(watched.to_vec(), inputs) {
             if address == stepped {
                 counts.steps.push(count - from);
             } else if address == sampled {
@@ -243,7 +243,7 @@ impl OnChip {
     }
 
     /// Replays inputs, and returns the executions of these instructions.
-    fn hits(&mut self, watched: Vec<u64>, inputs: &[Input]) -> Vec<(u64, u64)> {
+    fn hits(&mut self, watched: Vec<u64>, inputs: &[Input]) -> Vec<Hit> {
         self.bench.watch(watched);
         self.bench.take_hits();
         self.replay(inputs);
@@ -256,7 +256,7 @@ impl OnChip {
         let [begin, end, ..] = CALLS.map(|name| self.bench.address(name));
         let mut within = false;
         let mut counts = BTreeMap::new();
-        for (address, _) in self.hits(Vec::new(), inputs) {
+        for Hit { address, .. } in self.hits(Vec::new(), inputs) {
             within = address == begin || within && address != end;
             if within {
                 *counts.entry(address).or_default() += 1;
@@ -274,7 +274,7 @@ impl OnChip {
             self.bench.symbols().iter().filter(motor).map(|s| s.address..s.address + s.size).collect();
         let watched = callers.iter().flat_map(|caller| caller.clone().step_by(2)).chain([entry]);
         let (mut counts, mut from) = (Vec::new(), None);
-        for (address, count) in self.hits(watched.collect(), inputs) {
+        for Hit { address, count, .. } in self.hits(watched.collect(), inputs) {
             if address == entry {
                 from = Some(count);
             } else if callers.iter().any(|caller| caller.contains(&address))
