@@ -22,18 +22,17 @@ use rigless::emulator::{Host, Start};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
-use simulated::current_line::CurrentLine;
 
 use crate::board::Board;
 use crate::bridge_lines::{Lines, Transition};
-use crate::chip::{FlashFaults, Nucleo, Pwm};
+use crate::chip::Nucleo;
 use crate::elf;
 use crate::faulty_code;
-use crate::processor::{Code, Mpu};
+use crate::processor::Code;
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::shafts::{Look, Mounting, Shafts};
-use crate::surroundings::{self, BenchCommand, Surroundings, terminal};
+use crate::surroundings::{self, BenchTask, Surroundings, terminal};
 use crate::wiring;
 
 /// What a bench consists of.
@@ -45,8 +44,6 @@ pub struct Setup {
     pub motors: Vec<Mounting>,
     /// The battery of all motors.
     pub battery: Battery,
-    /// The current-sense lines of the bridges, in the order of the motors.
-    pub current_lines: Vec<CurrentLine>,
     /// Content of the memory for settings, [`Board::store`]. If it is empty, the memory is blank.
     pub stored: Vec<u8>,
     /// True if the board's bootloader runs first, and starts the image that is built for it.
@@ -56,37 +53,35 @@ pub struct Setup {
     /// Content of the whole flash, [`Board::flash`], in place of images, as [`Bench::flash`] returns it. If it is
     /// empty, the flash holds the images.
     pub flash: Vec<u8>,
-    /// Faults of the flash interface of an STM32H743. The emulated F427 has none.
-    pub flash_faults: FlashFaults,
     /// True if a transceiver connects the chip to the line of a chain.
     pub transceiver: bool,
-    /// How TIM1 is emulated.
-    pub pwm: Pwm,
-    /// How the memory protection unit is emulated.
-    pub mpu: Mpu,
+    /// True if the emulator's own model of TIM1 is used, which has an event at every compare. Otherwise its registers alone are
+    /// emulated, and the bench computes the waveforms from them. The firmware reads neither counter nor flags, so it finds no
+    /// difference. This is several times faster.
+    pub full_timer: bool,
+    /// True if the whole memory protection unit is emulated. Otherwise its registers alone are emulated, and no memory is protected.
+    /// Firmware that does not access protected memory finds no difference. This is several times faster.
+    pub full_mpu: bool,
     /// TCP port for GDB. With a port the core waits until GDB has connected.
     pub gdb: Option<u16>,
 }
 
 impl Setup {
-    /// Creates a bench of the default board with these motors, a 12 V battery of 50 mohm, and current-sense lines without a
-    /// fault.
+    /// Creates a bench of the default board with these motors, and a 12 V battery of 50 mohm.
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
         Self {
             board: Board::default(),
-            current_lines: vec![CurrentLine::Sound; motors.len()],
             motors,
             battery,
             stored: Vec::new(),
             bootloader: false,
             bootloader_key: None,
             flash: Vec::new(),
-            flash_faults: FlashFaults::default(),
             transceiver: false,
-            pwm: Pwm::default(),
-            mpu: Mpu::default(),
+            full_timer: false,
+            full_mpu: false,
             gdb: None,
         }
     }
@@ -129,7 +124,7 @@ enum Stopped {
 /// # Panics
 /// All methods panic if the emulator has stopped. The message has the emulator's reason.
 pub struct Bench {
-    commands: Sender<BenchCommand>,
+    commands: Sender<BenchTask>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
     symbols: Vec<elf::Symbol>,
@@ -194,13 +189,6 @@ impl Bench {
         }
     }
 
-    /// Gives a command to the emulator's thread.
-    fn command(&mut self, command: BenchCommand) {
-        if self.commands.send(command).is_err() {
-            self.fail();
-        }
-    }
-
     /// Runs a function on the emulator's thread at the present virtual time, and returns meanwhile. The result will be in the
     /// channel.
     fn post<T: Send + 'static>(
@@ -208,10 +196,13 @@ impl Bench {
         task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
     ) -> Receiver<T> {
         let (result, receiver) = sync_channel(1);
-        self.command(BenchCommand::Do(Box::new(move |surroundings, session, host| {
+        let command: BenchTask = Box::new(move |surroundings, session, host| {
             // The result has no receiver if nobody waits for it.
             let _ = result.send(task(surroundings, session, host));
-        })));
+        });
+        if self.commands.send(command).is_err() {
+            self.fail();
+        }
         receiver
     }
 
@@ -238,7 +229,7 @@ impl Bench {
     pub fn run_until(&mut self, at: Duration) {
         let target = nanos(at);
         if target > self.now {
-            self.command(BenchCommand::Run(target));
+            self.post(move |surroundings, _, _| surroundings.target = target);
             self.now = target;
         }
     }
@@ -284,7 +275,7 @@ impl Bench {
 
     /// Returns the lines of a bridge.
     pub fn lines(&mut self, motor: usize) -> Lines {
-        self.at_stop(move |surroundings, _, _| surroundings.recorder.lines[motor])
+        self.at_stop(move |surroundings, _, _| surroundings.lines[motor])
     }
 
     /// Returns the PWM periods. `None` until the timer runs.
@@ -294,14 +285,12 @@ impl Bench {
 
     /// Returns the voltage of the battery under load, V, and the current that leaves the battery, A.
     pub fn battery(&mut self) -> (f64, f64) {
-        self.at_stop(|surroundings, _, _| {
-            (surroundings.shafts.voltage(), surroundings.shafts.battery_current())
-        })
+        self.at_stop(|surroundings, _, _| (surroundings.shafts.voltage, surroundings.shafts.current))
     }
 
     /// Returns all changes of the lines of all bridges so far.
     pub fn transitions(&mut self) -> Vec<Transition> {
-        self.at_stop(|surroundings, _, _| surroundings.recorder.transitions.clone())
+        self.at_stop(|surroundings, _, _| surroundings.transitions.clone())
     }
 
     /// Returns the log so far.
@@ -391,7 +380,8 @@ impl Bench {
 
 impl Drop for Bench {
     fn drop(&mut self) {
-        let _ = self.commands.send(BenchCommand::End);
+        // Without the sender of its commands the emulator's thread ends.
+        self.commands = channel().0;
         if let Some(thread) = self.thread.take() {
             let result = thread.join();
             if !std::thread::panicking() {
@@ -414,16 +404,16 @@ fn run(
     setup: Setup,
     images: &[Image],
     log_ring: Option<u64>,
-    commands: Receiver<BenchCommand>,
+    commands: Receiver<BenchTask>,
 ) -> Result<(), Stopped> {
     // A bootloader writes other code into the flash.
     let is_constant = !setup.bootloader;
-    let code = Code::new(setup.board, setup.mpu, images, is_constant);
-    let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
+    let code = Code::new(setup.board, setup.full_mpu, images, is_constant);
+    let mut board = Nucleo::new(setup.board, setup.full_timer, code)?;
     board.chip.attach();
     surroundings::pull_up_buses(&mut board);
     let shafts = Shafts::new(setup.battery, setup.motors);
-    let mut surroundings = Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, commands);
+    let mut surroundings = Surroundings::new(setup.board, shafts, log_ring, commands);
     if setup.transceiver {
         surroundings.connect_transceiver(&mut board);
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use motor_hub::bridge::State;
 
-use crate::pwm::{Grid, Output, level};
+use crate::pwm::Output;
 
 /// The three lines of one bridge, a VNH5019A-E with both DIAG/EN pins pulled up. Pull-down resistors on its board keep a
 /// line low that the chip does not drive.
@@ -109,41 +109,5 @@ impl fmt::Display for Transition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { at, motor, before, after, lines, .. } = self;
         write!(f, "{:.9} s: bridge {motor} from {before:?} to {after:?}, {lines:?}", at.as_secs_f64())
-    }
-}
-
-/// Follows the lines of all bridges.
-#[derive(Debug)]
-pub(crate) struct Recorder {
-    pub(crate) lines: Vec<Lines>,
-    pub(crate) transitions: Vec<Transition>,
-}
-
-impl Recorder {
-    pub(crate) fn new(bridges: usize) -> Self {
-        Self { lines: vec![Lines::FLOATING; bridges], transitions: Vec::new() }
-    }
-
-    /// Notes that bridge `motor` has these lines from the time `at` (ns) on. Returns true if they differ from the lines
-    /// before. `grids` are the PWM periods before and after.
-    pub(crate) fn set(
-        &mut self,
-        at: u64,
-        motor: usize,
-        lines: Lines,
-        grids: (Option<Grid>, Option<Grid>),
-        by_reset: bool,
-    ) -> bool {
-        let old = self.lines[motor];
-        if old == lines {
-            return false;
-        }
-        // The state is that of 1 ns earlier, because an edge of the old waveform at `at` has not happened yet.
-        let before = old.state(level(old.pwm, grids.0, at.saturating_sub(1)));
-        let after = lines.state(level(lines.pwm, grids.1, at));
-        let at = Duration::from_nanos(at);
-        self.transitions.push(Transition { at, motor, lines, before, after, by_reset, old });
-        self.lines[motor] = lines;
-        true
     }
 }

@@ -57,7 +57,7 @@ macro_rules! same_on_every_chip {
     };
 }
 
-/// Methods of [`Device`](rigless::device::Device) that pass a call on to the emulator's model in a field.
+/// Methods of [`Device`] that pass a call on to the emulator's model in a field.
 macro_rules! forward {
     ($field:ident: $($method:ident),+) => {
         $(forward!(@$method $field);)+
@@ -119,6 +119,7 @@ use std::fmt::Debug;
 use std::num::{NonZeroU32, NonZeroU64};
 
 use rigless::chip::uart::Errors;
+use rigless::cpu::armv7m::Window;
 use rigless::device::{Device, Level};
 use rigless::image::Image;
 use rigless::machine::armv7m::{Core, Variant};
@@ -131,7 +132,7 @@ use rigless::soc::{Error, Layout, RegisterSpec, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
-use crate::processor::{self, Code, Mpu};
+use crate::processor::{self, Code};
 use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
@@ -143,17 +144,6 @@ pub(crate) use servo_timer::Edge;
 
 /// Supply voltage of the chip, mV.
 const RAIL_MV: u32 = 3_300;
-
-/// How much of TIM1 is emulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Pwm {
-    /// The registers alone are emulated, and the bench computes the waveforms from them. The firmware reads neither counter nor
-    /// flags, so it finds no difference. This is several times faster.
-    #[default]
-    Registers,
-    /// The emulator's own model is used, which has an event at every compare.
-    Emulated,
-}
 
 /// A register by its row in a table that its model has been given.
 #[derive(Clone, Copy, Debug)]
@@ -218,8 +208,8 @@ impl Port {
 
 /// A microcontroller with what the bench does to it. Port A has the number 0.
 pub(crate) trait Part: Mcu + Debug + Send {
-    /// Returns the core and its memory, with this emulation of the memory protection unit.
-    fn target(&mut self, mpu: Mpu) -> Target<'_>;
+    /// Returns the core and its memory. The bench handles accesses to these windows of the processor's own bus.
+    fn target(&mut self, own: &[Window]) -> Target<'_>;
 
     /// Sets the supply voltage, mV. The reference voltage of the converters stays.
     fn set_rail(&mut self, at: VirtualNanos, millivolts: u32);
@@ -317,11 +307,11 @@ pub(crate) struct Nucleo {
 }
 
 impl Nucleo {
-    pub(crate) fn new(board: Board, pwm: Pwm, faults: FlashFaults, code: Code) -> Result<Self, Error> {
+    pub(crate) fn new(board: Board, full_timer: bool, code: Code) -> Result<Self, Error> {
         let connections = Connections::default();
         let chip: Box<dyn Part> = match board {
-            Board::NucleoF429zi => Box::new(f427::Chip::new(pwm)?),
-            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm, faults, connections.clone())?),
+            Board::NucleoF429zi => Box::new(f427::Chip::new(full_timer)?),
+            Board::NucleoH743zi2 => Box::new(h743::Chip::new(full_timer, connections.clone())?),
         };
         Ok(Self { chip, board, code, connections })
     }
@@ -373,7 +363,7 @@ impl Machine for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let mut target = self.chip.target(self.code.mpu());
+        let mut target = self.chip.target(self.code.windows());
         processor::reuse_core(&mut target.core, self.code, &self.connections);
         vec![target]
     }

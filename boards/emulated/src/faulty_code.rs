@@ -8,8 +8,8 @@ use rigless::image::{Error, Image};
 const AT: u64 = 0x080E_0000;
 
 /// What a task does that never returns.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum FaultyCode {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultyCode {
     /// The code loops.
     Loops = 0,
     /// The code calls itself until no stack is left, with the smallest possible frame of 4 bytes.

@@ -18,7 +18,7 @@ use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::{self, Decoder, OVERHEAD, Packet};
 use motor_hub::protocol::motor::{ChannelMode, RunMode, Target, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::requests::{Standard, ToHub};
+use motor_hub::protocol::requests::{AdcChannel, Standard, ToHub};
 use motor_hub::protocol::{Address, HOST};
 use motor_hub::units::{Control, Micros};
 
@@ -220,6 +220,11 @@ impl HostLink {
         self.command(line, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
         self.set_mode(line, motor, RunMode::Position);
         self.enable(line, motor, true);
+    }
+
+    /// Returns the hub's measurement of an analog channel, in the channel's unit.
+    pub fn analog(&mut self, line: &mut impl Line, channel: AdcChannel) -> i16 {
+        self.read(line, ToHub::Adc { channel, raw: false })
     }
 
     /// Returns all measurements of the hub, which it sends in one answer.

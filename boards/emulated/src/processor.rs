@@ -5,7 +5,7 @@
 //! its translations. Only the translations are kept. Registers are as at power-on, and the memory is that of the new run.
 //!
 //! The emulator discards all translations when the memory protection unit (MPU) changes, and accesses memory slowly while the
-//! unit is on. So the MPU's registers [only store](Mpu::Registers) what is written to them, unless a run tests the stack guard.
+//! unit is on. So the MPU's registers [only store](crate::Setup::full_mpu) what is written to them, unless a run tests the stack guard.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
@@ -24,47 +24,29 @@ use rigless::time::VirtualNanos;
 use crate::board::Board;
 use crate::system_break::Connections;
 
-/// How much of the memory protection unit is emulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mpu {
-    /// The registers alone are emulated, and no memory is protected. Firmware that does not access protected memory finds no
-    /// difference. This is several times faster.
-    #[default]
-    Registers,
-    /// The whole unit is emulated.
-    Emulated,
-}
-
 /// The MPU's registers (PM0214 4.2, PM0253 4.6).
 const MPU: Range<u64> = 0xE000_ED90..0xE000_EDBC;
-
-impl Mpu {
-    /// Returns the addresses on the processor's own bus that the bench handles instead of the processor.
-    pub(crate) fn windows(self) -> Vec<Window> {
-        let registers = Window { base: MPU.start, size: MPU.end - MPU.start };
-        if self == Self::Registers { vec![registers] } else { Vec::new() }
-    }
-}
 
 /// What a core has run. Only a run of the same code can reuse the core's translations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Code {
     board: Board,
-    mpu: Mpu,
+    full_mpu: bool,
     images: u64,
     is_constant: bool,
 }
 
 impl Code {
     /// Describes images on a board. `is_constant` is true if the code stays the same for the whole run.
-    pub(crate) fn new(board: Board, mpu: Mpu, images: &[Image], is_constant: bool) -> Self {
+    pub(crate) fn new(board: Board, full_mpu: bool, images: &[Image], is_constant: bool) -> Self {
         let mut hasher = DefaultHasher::new();
         images.iter().for_each(|image| image.bytes().hash(&mut hasher));
-        Self { board, mpu, images: hasher.finish(), is_constant }
+        Self { board, full_mpu, images: hasher.finish(), is_constant }
     }
 
-    pub(crate) const fn mpu(self) -> Mpu {
-        self.mpu
+    /// Returns the addresses on the processor's own bus that the bench handles instead of the processor.
+    pub(crate) const fn windows(self) -> &'static [Window] {
+        if self.full_mpu { &[] } else { &[Window { base: MPU.start, size: MPU.end - MPU.start }] }
     }
 }
 
@@ -95,22 +77,22 @@ pub(crate) fn reuse_core(spec: &mut CoreSpec, code: Code, connections: &Connecti
             place.map(|place| core_pool.swap_remove(place).1)
         };
         let translated = waiting.is_some();
-        let mut translator = match waiting {
-            Some(translator) => translator,
+        let translator = match waiting {
+            Some(mut translator) => {
+                let processor = &mut translator.processor;
+                processor.take_reset_request();
+                processor.load(&translator.power_on)?;
+                // The images have code in the flash only, so code in RAM was run by a fault. Its translations are discarded.
+                let Range { start, end } = code.board.ram();
+                processor.ask(Queued::Invalidate(start, end));
+                translator
+            }
             None => {
                 let processor = make(endian)?;
                 let power_on = processor.save();
                 Translator { processor, power_on }
             }
         };
-        if translated {
-            let processor = &mut translator.processor;
-            processor.take_reset_request();
-            processor.load(&translator.power_on)?;
-            // The images have code in the flash only, so code in RAM was run by a fault. Its translations are discarded.
-            let Range { start, end } = code.board.ram();
-            processor.ask(Queued::Invalidate(start, end));
-        }
         let core = ReusedCore {
             translator: Some(translator),
             code,
@@ -178,9 +160,9 @@ impl Drop for ReusedCore {
 impl Processor for ReusedCore {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         self.placing = None;
-        let (connections, mpu) = (self.connections.clone(), self.code.mpu);
+        let (connections, full_mpu) = (self.connections.clone(), self.code.full_mpu);
         let (exit, ran) =
-            self.processor_mut().run(budget, &mut Outside { bus, mpu, connections: &connections });
+            self.processor_mut().run(budget, &mut Outside { bus, full_mpu, connections: &connections });
         let locks_up = exit == Exit::Lockup && !self.locked_up;
         self.locked_up = exit == Exit::Lockup;
         if locks_up {
@@ -353,17 +335,17 @@ impl Processor for ReusedCore {
     }
 }
 
-/// The bus, with a register that the emulator lacks. With [`Mpu::Registers`] the MPU's registers protect nothing and read as 0.
+/// The bus, with a register that the emulator lacks. Without the full MPU its registers protect nothing and read as 0.
 /// The firmware does not read them.
 struct Outside<'a> {
     bus: &'a mut dyn CoreBus,
-    mpu: Mpu,
+    full_mpu: bool,
     connections: &'a Connections,
 }
 
 impl CoreBus for Outside<'_> {
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
-        if self.mpu == Mpu::Registers && MPU.contains(&access.address) {
+        if !self.full_mpu && MPU.contains(&access.address) {
             return Some(if access.kind == AccessKind::Write { access.value } else { 0 });
         }
         match self.connections.access(&access) {

@@ -97,7 +97,6 @@ pub(crate) struct Timer {
 /// Output compare modes (17.4.7, OCxM).
 const FROZEN: u32 = 0;
 const FORCE_LOW: u32 = 4;
-const FORCE_HIGH: u32 = 5;
 const PWM_1: u32 = 6;
 
 impl Timer {
@@ -166,20 +165,15 @@ impl Timer {
             // The output is off or has its idle level. The firmware leaves the idle level low (17.4.9, OSSI).
             return Output::Level(false);
         }
+        assert!(enables & 2 == 0, "the firmware inverts no output");
         let channel = &self.channels[index];
-        let reference = match channel.mode {
+        match channel.mode {
             FROZEN => Output::Level(channel.frozen),
             FORCE_LOW => Output::Level(false),
-            FORCE_HIGH => Output::Level(true),
             PWM_1 if self.running.is_none() || channel.shadow == 0 => Output::Level(channel.shadow > 0),
             PWM_1 if channel.shadow > self.reload => Output::Level(true),
             PWM_1 => Output::Pulse(channel.shadow * self.prescaler()),
             mode => unreachable!("the firmware uses no output compare mode {mode}"),
-        };
-        match reference {
-            Output::Level(high) if enables & 2 != 0 => Output::Level(!high),
-            Output::Pulse(_) if enables & 2 != 0 => unreachable!("the firmware inverts no output"),
-            output => output,
         }
     }
 

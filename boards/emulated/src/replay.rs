@@ -31,7 +31,7 @@ use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
-use crate::bench::{self, Bench};
+use crate::bench::{Bench, Setup};
 use crate::board::Board;
 use crate::host_link::HostLink;
 use crate::pwm::Output;
@@ -102,7 +102,7 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
 /// Panics if the firmware refuses a command.
 pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
     check(scenario, scenario.not_replayed().next())?;
-    let mut bench = Bench::new(stand(scenario, board));
+    let mut bench = stand(scenario, board, false);
     let mut host = HostLink::default();
     let mut events = events(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
@@ -145,16 +145,21 @@ pub(crate) fn check(scenario: &Scenario, part: Option<&'static str>) -> Result<(
     part.map_or(Ok(()), |part| Err(ReplayError::Part(part)))
 }
 
-/// Returns a bench with the scenario's motors, loads and battery.
-pub(crate) fn stand(scenario: &Scenario, board: Board) -> bench::Setup {
+/// Powers on a board with the scenario's motors, loads, battery and current-sense lines. With `bootloader` its bootloader starts the
+/// image.
+pub(crate) fn stand(scenario: &Scenario, board: Board, bootloader: bool) -> Bench {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
         bridge: motor.bridge.into(),
         stops: None,
     });
-    let current_lines = scenario.motors.iter().map(|motor| motor.current_line).collect();
-    bench::Setup { board, battery: scenario.battery, current_lines, ..bench::Setup::new(motors.collect()) }
+    let setup = Setup { board, battery: scenario.battery, bootloader, ..Setup::new(motors.collect()) };
+    let mut bench = Bench::new(setup);
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        bench.set_current_line(index, motor.current_line);
+    }
+    bench
 }
 
 fn run_to(bench: &mut Bench, at_s: f64) {
@@ -338,13 +343,8 @@ pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
         _ => Mode::Brake50,
     };
     let duty = match lines.pwm {
-        Output::Level(high) => {
-            if high {
-                Duty::ONE
-            } else {
-                Duty::ZERO
-            }
-        }
+        Output::Level(true) => Duty::ONE,
+        Output::Level(false) => Duty::ZERO,
         Output::Pulse(high) => Duty::ratio(high.into(), ticks.into()),
     };
     Drive { mode, duty }

@@ -17,7 +17,6 @@ use motor_hub::protocol::requests::Standard;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
 
-use crate::bench::{Bench, Setup};
 use crate::board::Board;
 use crate::host_link::HostLink;
 use crate::replay::{ReplayError, check, drive, stand};
@@ -65,7 +64,7 @@ pub fn run(
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
     check(scenario, scenario.not_emulated().next())?;
-    let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
+    let mut bench = stand(scenario, board, bootloader);
     let mut chunk = [0; BYTES_A_STEP];
     let mut reply: Vec<u8> = Vec::new();
     if scenario.wire.is_some() {

@@ -168,10 +168,13 @@ impl Shaft {
 /// All motors and their battery.
 #[derive(Clone, Debug)]
 pub(crate) struct Shafts {
-    battery: Battery,
+    /// The battery. A change counts from the next cell on.
+    pub(crate) battery: Battery,
     shafts: Vec<Shaft>,
-    voltage: f64,
-    current: f64,
+    /// Voltage at the battery's terminals in the present cell.
+    pub(crate) voltage: f64,
+    /// Smoothed current that left the battery in the last cells, A.
+    pub(crate) current: f64,
     cell_from: u64,
     pub(crate) cell_end: u64,
     grid: Option<Grid>,
@@ -187,28 +190,9 @@ impl Shafts {
         new
     }
 
-    /// Returns the voltage at the battery's terminals in the present cell.
-    pub(crate) const fn voltage(&self) -> f64 {
-        self.voltage
-    }
-
-    /// Returns the smoothed current that left the battery in the last cells, A.
-    pub(crate) const fn battery_current(&self) -> f64 {
-        self.current
-    }
-
     /// Returns the mean current that the current sense of a bridge showed in the last cell, A.
     pub(crate) fn sensed(&self, index: usize) -> f64 {
         self.shafts[index].sensed
-    }
-
-    /// Changes the battery from the next cell on.
-    pub(crate) fn set_battery(&mut self, battery: Battery) {
-        self.battery = battery;
-    }
-
-    pub(crate) const fn battery(&self) -> Battery {
-        self.battery
     }
 
     fn epoch(&self) -> u64 {
@@ -317,16 +301,17 @@ impl Shafts {
         self.shafts.iter().filter_map(|shaft| shaft.edges.front()).map(|&(at, _)| at).min()
     }
 
-    /// Removes an edge whose time is at most `now` (ns). Returns its motor, and the count after the edge.
-    pub(crate) fn take_edge(&mut self, now: u64) -> Option<(usize, i64)> {
-        self.shafts.iter_mut().enumerate().find_map(|(index, shaft)| {
-            let &(at, count) = shaft.edges.front()?;
-            (at <= now).then(|| {
-                shaft.edges.pop_front();
-                shaft.shown = count;
-                (index, count)
-            })
+    /// Removes an edge whose time is at most `now` (ns), and shows the count after the edge. Returns its motor.
+    pub(crate) fn take_edge(&mut self, now: u64) -> Option<usize> {
+        self.shafts.iter_mut().position(|shaft| {
+            let edge = shaft.edges.pop_front_if(|(at, _)| *at <= now);
+            edge.inspect(|(_, count)| shaft.shown = *count).is_some()
         })
+    }
+
+    /// Returns the count that the lines of an encoder show.
+    pub(crate) fn shown(&self, index: usize) -> i64 {
+        self.shafts[index].shown
     }
 
     /// Returns motion and current of motor `index` at the time `at` (ns), which must be in the cell.

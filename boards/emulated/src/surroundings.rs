@@ -18,9 +18,9 @@ use simulated::encoder::{Disturbances, Encoder, Wire};
 
 use crate::bench::Hit;
 use crate::board::Board;
-use crate::bridge_lines::{Lines, Recorder};
+use crate::bridge_lines::{Lines, Transition};
 use crate::chip::Nucleo;
-use crate::pwm::Timer;
+use crate::pwm::{Timer, level};
 use crate::rtt::Rtt;
 use crate::serial::Terminal;
 use crate::shafts::Shafts;
@@ -37,21 +37,13 @@ struct Connection {
 /// A function that runs while the chip is stopped.
 pub(crate) type BenchTask = Box<dyn FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send>;
 
-/// A command of the bench to the emulator's thread.
-pub(crate) enum BenchCommand {
-    /// Run to this time, ns.
-    Run(u64),
-    /// Call a function now.
-    Do(BenchTask),
-    /// End the run.
-    End,
-}
-
 /// Everything that is connected to the chip.
 pub(crate) struct Surroundings {
     board: Board,
     pub(crate) shafts: Shafts,
-    pub(crate) recorder: Recorder,
+    /// Lines of all bridges, and their changes so far.
+    pub(crate) lines: [Lines; wiring::BRIDGES],
+    pub(crate) transitions: Vec<Transition>,
     encoders: Vec<Connection>,
     /// Current-sense lines in the order of the motors.
     pub(crate) current_lines: Vec<CurrentLine>,
@@ -69,13 +61,12 @@ pub(crate) struct Surroundings {
     pub(crate) now: u64,
     pub(crate) instructions: u64,
     timer: Timer,
-    pwm_hz: u64,
-    shown: Vec<i64>,
     resets: usize,
     /// Time in ns before which the log is not read, because the start-up code has not initialised its ring yet.
     quiet_until: u64,
-    target: u64,
-    commands: Receiver<BenchCommand>,
+    /// Time up to which the chip runs before the next command of the bench, ns.
+    pub(crate) target: u64,
+    commands: Receiver<BenchTask>,
     /// Functions that run at a later time, in the order of their times in ns.
     pub(crate) planned: VecDeque<(u64, BenchTask)>,
 }
@@ -84,20 +75,14 @@ pub(crate) struct Surroundings {
 const START_UP: u64 = 500_000;
 
 impl Surroundings {
-    pub(crate) fn new(
-        board: Board,
-        shafts: Shafts,
-        current_lines: Vec<CurrentLine>,
-        rtt: Option<u64>,
-        commands: Receiver<BenchCommand>,
-    ) -> Self {
-        let count = shafts.len();
+    pub(crate) fn new(board: Board, shafts: Shafts, rtt: Option<u64>, commands: Receiver<BenchTask>) -> Self {
         Self {
             board,
+            encoders: vec![Connection::default(); shafts.len()],
+            current_lines: vec![CurrentLine::Sound; shafts.len()],
             shafts,
-            recorder: Recorder::new(wiring::BRIDGES),
-            encoders: vec![Connection::default(); count],
-            current_lines,
+            lines: [Lines::FLOATING; wiring::BRIDGES],
+            transitions: Vec::new(),
             rtt: Rtt::new(rtt),
             transceiver: false,
             directions: Vec::new(),
@@ -107,8 +92,6 @@ impl Surroundings {
             now: 0,
             instructions: 0,
             timer: Timer::default(),
-            pwm_hz: 0,
-            shown: vec![0; count],
             resets: 0,
             quiet_until: START_UP,
             target: 0,
@@ -144,7 +127,6 @@ impl Surroundings {
     /// Updates the bridges after the chip may have changed its pins at the time `at`, ns.
     pub(crate) fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
         let board = session.board_mut();
-        let before = self.timer.grid();
         let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| board.port(port));
         let registers = board.pwm();
         for bridge in 0..wiring::BRIDGES {
@@ -154,9 +136,17 @@ impl Surroundings {
             }
             let (ina, inb) = wiring::LINE_PINS[bridge];
             [lines.ina, lines.inb] = [ina, inb].map(|line| direction.drives(line) == Some(true));
-            if self.recorder.set(at, bridge, lines, (before, self.timer.grid()), by_reset)
-                && bridge < self.shafts.len()
-            {
+            let old = std::mem::replace(&mut self.lines[bridge], lines);
+            if old == lines {
+                continue;
+            }
+            let grid = self.timer.grid();
+            // The state is that of 1 ns earlier, because an edge of the old waveform at `at` has not happened yet.
+            let before = old.state(level(old.pwm, grid, at.saturating_sub(1)));
+            let after = lines.state(level(lines.pwm, grid, at));
+            let (at_time, motor) = (Duration::from_nanos(at), bridge);
+            self.transitions.push(Transition { at: at_time, motor, lines, before, after, by_reset, old });
+            if bridge < self.shafts.len() {
                 self.shafts.command(bridge, at, lines);
             }
         }
@@ -166,7 +156,6 @@ impl Surroundings {
     fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
         let board = session.board_mut();
         let (registers, hz) = (board.pwm(), board.chip.pwm_hz());
-        self.pwm_hz = hz;
         let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
         let before = self.timer.grid();
         self.timer.written(at, update, &registers, hz);
@@ -180,8 +169,7 @@ impl Surroundings {
 
     /// Drives the encoder lines for all edges up to the time `at`, ns.
     fn show_edges(&mut self, session: &mut Session<Nucleo>, at: u64) {
-        while let Some((motor, count)) = self.shafts.take_edge(at) {
-            self.shown[motor] = count;
+        while let Some(motor) = self.shafts.take_edge(at) {
             self.show(session, motor, at);
         }
     }
@@ -189,7 +177,7 @@ impl Surroundings {
     /// Drives the encoder lines of one motor to where its shaft is.
     fn show(&self, session: &mut Session<Nucleo>, motor: usize, at: u64) {
         let Connection { encoder, disturbed, .. } = self.encoders[motor];
-        let [a, b] = encoder.levels(self.shown[motor], disturbed);
+        let [a, b] = encoder.levels(self.shafts.shown(motor), disturbed);
         for (channel, high) in [(1, a), (2, b)] {
             let (channel, level) = (Channel::new(channel).expect("1 or 2"), Level::from(high));
             session.board_mut().chip.drive_encoder(VirtualNanos(at), motor, channel, level);
@@ -277,7 +265,7 @@ impl Surroundings {
 
     /// Puts the battery's voltage on the converter's pin.
     fn show_battery(&self, session: &mut Session<Nucleo>) {
-        let millivolts = self.shafts.voltage() * 1000.0 * wiring::DIVIDER;
+        let millivolts = self.shafts.voltage * 1000.0 * wiring::DIVIDER;
         session.board_mut().chip.set_battery(millivolts.round() as u32);
     }
 
@@ -317,8 +305,8 @@ impl Surroundings {
         let now = self.now;
         self.show_edges(session, now);
         if self.timer.update_at.is_some_and(|at| at <= now) {
-            let hz = self.pwm_hz;
-            let registers = session.board_mut().pwm();
+            let board = session.board_mut();
+            let (registers, hz) = (board.pwm(), board.chip.pwm_hz());
             self.timer.update(now, &registers, hz);
             self.follow_pins(session, now, false);
         }
@@ -402,11 +390,9 @@ impl Driver<Nucleo> for Surroundings {
         self.look_for_reset(session);
         self.catch_up(session, host);
         while self.now >= self.target {
-            match self.commands.recv().ok()? {
-                BenchCommand::Run(until) => self.target = until,
-                BenchCommand::Do(task) => task(self, session, host),
-                BenchCommand::End => return None,
-            }
+            // The run ends when the bench is gone.
+            let task = self.commands.recv().ok()?;
+            task(self, session, host);
         }
         Some(VirtualNanos(self.next_instant().max(self.now + 1)))
     }

@@ -18,23 +18,6 @@ pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 /// DIAG by bridge, on the same port: PE2, PE4, PE3, PE6.
 pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 3, 6];
 
-/// Resistor between a bridge's DIAG line and the chip's pin.
-const DIAG_OHMS: f64 = 1e3;
-/// Highest voltage of a DIAG line that a bridge pulls low, V (data sheet of the VNH5019A-E, Doc ID 15701, logic inputs).
-const DIAG_LOW_VOLTS: f64 = 0.4;
-/// Smallest resistance of a pin's pull-up (DS9405 and DS12110, I/O static characteristics).
-const PULL_UP_OHMS: f64 = 30e3;
-/// Supply voltage of the chip.
-const RAIL_VOLTS: f64 = 3.3;
-/// Largest share of the supply voltage that a pin reads as low (DS9405 and DS12110, I/O static characteristics).
-const LOW_SHARE: f64 = 0.3;
-
-/// Returns whether the chip reads a DIAG line as low if a bridge pulls it low against the pin's pull-up.
-pub(crate) fn diag_reads_low() -> bool {
-    let volts = DIAG_LOW_VOLTS + (RAIL_VOLTS - DIAG_LOW_VOLTS) * DIAG_OHMS / (DIAG_OHMS + PULL_UP_OHMS);
-    volts <= LOW_SHARE * RAIL_VOLTS
-}
-
 /// Port D, which has INA and INB of all bridges.
 pub(crate) const LINE_PORT: usize = 3;
 /// Pins of INA and INB of each bridge.

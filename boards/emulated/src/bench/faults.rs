@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use motor_hub::model::battery::Battery;
 use motor_hub::model::si::Volts;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -62,7 +61,7 @@ impl Bench {
     /// the bridge releases the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.post(move |surroundings, session, _| {
-            let level = (low && wiring::diag_reads_low()).then_some(false);
+            let level = low.then_some(false);
             let pin = (wiring::PWM_PORT, wiring::DIAG_PINS[motor]);
             session.board_mut().drive_pin(surroundings.now, pin, level);
         });
@@ -92,10 +91,7 @@ impl Bench {
 
     /// Sets the open-circuit voltage of the battery in V, from the next millisecond on.
     pub fn set_battery(&mut self, volts: f64) {
-        self.post(move |surroundings, _, _| {
-            let battery = surroundings.shafts.battery();
-            surroundings.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
-        });
+        self.post(move |surroundings, _, _| surroundings.shafts.battery.emf = Volts(volts));
     }
 
     /// Disconnects the battery's pin, like a broken wire between the voltage divider and the chip, or connects it again.
@@ -183,40 +179,11 @@ impl Bench {
         self.fail_next_access(clocks..clocks + 4);
     }
 
-    /// Makes a task loop without end, with all interrupts masked, when the task is next polled.
-    ///
-    /// # Panics
-    /// Panics if the image has no task with this name.
-    pub fn hang_masked(&mut self, task: &str) {
-        self.divert(task, FaultyCode::LoopsMasked);
-    }
-
-    /// Makes a task loop without end when it is next polled.
-    ///
-    /// # Panics
-    /// Panics if the image has no task with this name.
-    pub fn hang(&mut self, task: &str) {
-        self.divert(task, FaultyCode::Loops);
-    }
-
-    /// Makes a task call itself when it is next polled, with the smallest possible stack frame, until no stack is left.
-    ///
-    /// # Panics
-    /// Panics if the image has no task with this name.
-    pub fn overflow_stack(&mut self, task: &str) {
-        self.divert(task, FaultyCode::Overflows);
-    }
-
-    /// Makes a task panic when it is next polled: a division by zero in line 77, column 7.
-    ///
-    /// # Panics
-    /// Panics if the image has no task with this name.
-    pub fn panic(&mut self, task: &str) {
-        self.divert(task, FaultyCode::Panics);
-    }
-
     /// Makes a task run faulty code when it is next polled: changes the address of the task's function in the executor's memory.
-    fn divert(&mut self, task: &str, code: FaultyCode) {
+    ///
+    /// # Panics
+    /// Panics if the image has no task with this name.
+    pub fn divert(&mut self, task: &str, code: FaultyCode) {
         let pool = self.symbol(&format!("::{task}::POOL"));
         // Addresses of functions have the Thumb bit set.
         let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;

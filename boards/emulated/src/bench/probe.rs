@@ -48,8 +48,8 @@ impl Bench {
         });
     }
 
-    /// Returns the pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
-    /// [`Registers`](crate::chip::Pwm::Registers), or while the level of the pin is constant.
+    /// Returns the pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` without
+    /// [`full_timer`](super::Setup::full_timer), or while the level of the pin is constant.
     pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {
         self.at_stop(move |_, session, _| {
             let channel = Channel::new(u8::try_from(motor + 1).ok()?)?;

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use rigless::chip::uart::Errors;
-use rigless::cpu::armv7m::windows;
+use rigless::cpu::armv7m::{Window, windows};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::image::Image;
 use rigless::machine::Target;
@@ -25,9 +25,8 @@ use rigless::time::VirtualNanos;
 use super::bus_lines::Lines;
 use super::sampling_capacitor::AdcWithCapacitor;
 use super::servo_timer::{Edge, ServoTimer};
-use super::{Part, Port, Pwm, RAIL_MV, StoredRegisters, core};
+use super::{Part, Port, RAIL_MV, StoredRegisters, core};
 use crate::board::Board;
-use crate::processor::Mpu;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
@@ -71,7 +70,7 @@ const BOARD: Board = Board::NucleoF429zi;
 #[derive(Debug)]
 pub(super) struct Chip {
     part: Stm32f427,
-    pwm: Pwm,
+    full_timer: bool,
     adc_dead: bool,
     /// ADC1.
     converter: AdcWithCapacitor,
@@ -89,7 +88,7 @@ pub(super) struct Chip {
 }
 
 impl Chip {
-    pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
+    pub(super) fn new(full_timer: bool) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         part.set_supply(RAIL_MV);
         let mut converter = AdcWithCapacitor::new();
@@ -99,7 +98,7 @@ impl Chip {
         }
         Ok(Self {
             part,
-            pwm,
+            full_timer,
             // RM0090 2.3.
             servos: [
                 ServoTimer::new("TIM10", Apb::Two, &tim10::REGISTERS, 1),
@@ -165,7 +164,7 @@ impl Mcu for Chip {
             self.follow_open_pins();
         }
         let model: &mut dyn ErasedDevice = match name {
-            "TIM1" if self.pwm == Pwm::Registers => &mut self.plain_timer,
+            "TIM1" if !self.full_timer => &mut self.plain_timer,
             "PWR" if self.power_dead => &mut self.plain_power,
             "ADC1" if self.adc_dead => &mut self.plain_converter,
             "ADC1" => &mut self.converter,
@@ -187,8 +186,8 @@ impl Mcu for Chip {
 }
 
 impl Part for Chip {
-    fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let windows = [windows(self.bus()), mpu.windows()].concat();
+    fn target(&mut self, own: &[Window]) -> Target<'_> {
+        let windows = [&windows(self.bus())[..], own].concat();
         let core = core(BOARD, Variant::M4, self.cpu().interrupt_lines);
         let core = core.spec_with_parts(&windows, Fpu::FpV4Sp, MpuRegions::Eight);
         Target::new(BOARD.name(), self, core)

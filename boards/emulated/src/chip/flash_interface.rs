@@ -30,7 +30,7 @@ struct Store {
     reads: u32,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Interface {
     flash: Flash,
     pub(crate) faults: FlashFaults,
@@ -41,10 +41,6 @@ pub(crate) struct Interface {
 }
 
 impl Interface {
-    pub(super) fn new(faults: FlashFaults) -> Self {
-        Self { flash: Flash::new(), faults, accesses: 0, late: None, never_ends: false }
-    }
-
     /// Counts an access to a register, and shows errors if their number is reached.
     fn accessed(&mut self, registers: &mut RegisterFile) {
         self.accesses += 1;

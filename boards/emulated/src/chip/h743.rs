@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use rigless::chip::uart::Errors;
-use rigless::cpu::armv7m::windows;
+use rigless::cpu::armv7m::{Window, windows};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::image::Image;
 use rigless::machine::Target;
@@ -27,13 +27,12 @@ use rigless::time::VirtualNanos;
 
 use super::analog_watchdog::AdcWithWatchdog;
 use super::bus_lines::Lines;
-use super::flash_interface::{FlashFaults, Interface};
+use super::flash_interface::Interface;
 use super::late_converter::DelayedAdc;
 use super::servo_timer::{Edge, ServoTimer};
 use super::watchdog::Watchdog;
-use super::{Part, Pwm, RAIL_MV, StoredRegisters, core, peek};
+use super::{Part, RAIL_MV, StoredRegisters, core, peek};
 use crate::board::Board;
-use crate::processor::Mpu;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::system_break::{Connections, IDENTITY, OUTPUTS, Source};
@@ -87,7 +86,7 @@ const BOARD: Board = Board::NucleoH743zi2;
 #[derive(Debug)]
 pub(crate) struct Chip {
     part: Stm32h743,
-    pwm: Pwm,
+    full_timer: bool,
     plain_timer: StoredRegisters,
     watchdog: Watchdog,
     /// ADC1.
@@ -108,7 +107,7 @@ pub(crate) struct Chip {
 }
 
 impl Chip {
-    pub(super) fn new(pwm: Pwm, faults: FlashFaults, connections: Connections) -> Result<Self, Error> {
+    pub(super) fn new(full_timer: bool, connections: Connections) -> Result<Self, Error> {
         let mut part = Stm32h743::new()?;
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
@@ -121,7 +120,7 @@ impl Chip {
         }
         Ok(Self {
             part,
-            pwm,
+            full_timer,
             // RM0433 2.3.
             servos: [
                 ServoTimer::new("TIM16", TimerBus::Apb2, &tim16::REGISTERS, 1),
@@ -135,7 +134,7 @@ impl Chip {
             plain_timer: StoredRegisters(&tim1::REGISTERS),
             watchdog: Watchdog::default(),
             converter,
-            flash: Interface::new(faults),
+            flash: Interface::default(),
             currents,
             inputs,
             connections,
@@ -197,7 +196,7 @@ impl Mcu for Chip {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let name = self.bus().slots()[slot].peripheral().name;
         let model: &mut dyn ErasedDevice = match name {
-            "TIM1" if self.pwm == Pwm::Registers => &mut self.plain_timer,
+            "TIM1" if !self.full_timer => &mut self.plain_timer,
             "PWR" if self.power_dead => &mut self.plain_power,
             "ADC1" => &mut self.converter,
             "ADC2" => &mut self.currents,
@@ -234,8 +233,8 @@ fn drive<F: Stm32h743Family>(
 }
 
 impl Part for Chip {
-    fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let windows = [windows(self.bus()), mpu.windows()].concat();
+    fn target(&mut self, own: &[Window]) -> Target<'_> {
+        let windows = [&windows(self.bus())[..], own].concat();
         let core = core(BOARD, Variant::M7, self.cpu().interrupt_lines);
         let mut config = Config::new(core, &windows);
         config.fpu = Fpu::FpV5Dp;

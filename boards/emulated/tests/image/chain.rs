@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, expect_speed, ms, on, open_since, other_board, setup, too_low, with_host};
+use crate::common::{
+    am60, board, expect_speed, ms, on, other_board, setup, time_to_safe, too_low, with_host,
+};
 use emulated::host_link::{HostLink, Line};
 use emulated::{Bench, Board, ChainBench, LineFault, Setup};
 use motor_hub::chain::ChainReport;
@@ -108,7 +110,7 @@ fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
     let sent = host.to(BROADCAST).send(&mut chain, Standard::FailSafe);
     chain.run(ms(60));
     for hub in &mut chain.hubs {
-        let stopped = open_since(&hub.transitions(), 0, sent).expect("the bridge is open") - sent;
+        let stopped = time_to_safe(hub, 0, sent);
         println!("{stopped:?} after the stop the bridge is open");
         assert!(stopped <= ms(50), "{stopped:?}");
     }
@@ -140,10 +142,16 @@ fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
             let last = sent.iter().filter(|(_, at)| *at <= end).map(|&(_, at)| at).max().expect("a byte");
             assert!(begin < last && end - last <= byte, "{begin:?} to {end:?}, last byte at {last:?}");
         }
-        for (begin, end) in sent {
-            let drives = sending.iter().any(|(from, to)| *from <= begin && end <= *to);
-            assert!(drives, "the byte from {begin:?} to {end:?} is not driven");
-        }
+        expect_driven(&sent, &sending);
+    }
+}
+
+/// Expects that a transceiver drives the line for each byte from its beginning to its end.
+#[track_caller]
+fn expect_driven(sent: &[(Duration, Duration)], sending: &[(Duration, Duration)]) {
+    for (begin, end) in sent {
+        let drives = sending.iter().any(|(from, to)| from <= begin && end <= to);
+        assert!(drives, "the byte from {begin:?} to {end:?} is not driven");
     }
 }
 
@@ -198,11 +206,7 @@ fn a_packet_is_driven_to_its_end_though_an_interrupt_comes_late_at_the_end_of_em
         }
         let sent = chain.sent(0);
         assert_eq!(sent.len(), 14 * 11);
-        let sending = chain.sending(0);
-        for (begin, end) in sent {
-            let drives = sending.iter().any(|(from, to)| *from <= begin && end <= *to);
-            assert!(drives, "the byte from {begin:?} to {end:?} is not driven");
-        }
+        expect_driven(&sent, &chain.sending(0));
         assert_eq!(chain.first().register(GPIOC_ODR) & DRIVES_LINE, 0, "the line is released");
     });
 }

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use emulated::host_link::HostLink;
-use emulated::{Bench, Board, Mounting, Setup, Transition};
+use emulated::{Bench, Board, FlashFaults, Lines, Mounting, Setup, Transition};
+use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::model::catalogue::find;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
@@ -66,6 +67,12 @@ pub(crate) fn four_loads() -> Vec<Mounting> {
     vec![am60(), wheel(0.5, 0.06), wheel(2.0, 0.1), am60_with(Load::inertia(KgM2(0.004)))]
 }
 
+/// Faults of the flash whose error flags appear at all points of an operation, because 7 does not divide the number of accesses of
+/// an operation.
+pub(crate) const ERRORS: FlashFaults = FlashFaults { errors_every: 7, late_reads: 0 };
+/// A flash whose words arrive late.
+pub(crate) const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
+
 pub(crate) const fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
@@ -120,8 +127,7 @@ pub(crate) fn counts_in(bench: &mut Bench, time: Duration) -> [i64; 4] {
 #[track_caller]
 pub(crate) fn expect_speed(bench: &mut Bench, motors: impl IntoIterator<Item = usize>, tolerance: f64) {
     for motor in motors {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < tolerance, "motor {motor} turns at {speed} counts/s");
+        expect_motor(bench, motor, 1000.0, tolerance);
     }
 }
 
@@ -157,24 +163,34 @@ pub(crate) fn bits(word: u32, high: u32, low: u32) -> u32 {
     word >> low & ((1 << (high - low + 1)) - 1)
 }
 
-/// Returns the time from which a bridge has been open until now, at the earliest `since`. `None` if the bridge is not
-/// open now.
-pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Duration) -> Option<Duration> {
-    let mut open = Some(Duration::ZERO);
-    for transition in transitions.iter().filter(|t| t.motor == motor) {
-        open = transition.lines.open().then(|| open.unwrap_or(transition.at));
-    }
-    open.map(|at| at.max(since))
+/// Returns the time from `from` until the lines of a bridge fulfilled the condition `such` without interruption. `None` if the lines
+/// do not fulfil the condition now.
+pub(crate) fn time_to(
+    transitions: &[Transition],
+    motor: usize,
+    from: Duration,
+    such: impl Fn(Lines) -> bool,
+) -> Option<Duration> {
+    let since = such(Lines::FLOATING).then_some(Duration::ZERO);
+    let of_motor = transitions.iter().filter(|t| t.motor == motor);
+    let since = of_motor.fold(since, |since, t| such(t.lines).then(|| since.unwrap_or(t.at)));
+    since.map(|at| at.saturating_sub(from))
 }
 
-/// Returns the time from `since` until a bridge opened and stayed open.
+/// Returns the time from `from` until a bridge opened and stayed open.
 ///
 /// # Panics
 /// Panics if the bridge is not open now.
-pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, since: Duration) -> Duration {
-    let transitions = bench.transitions();
-    let at = open_since(&transitions, motor, since);
-    at.unwrap_or_else(|| panic!("bridge {motor} is not open: {:?}", bench.lines(motor))) - since
+pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, from: Duration) -> Duration {
+    let time = time_to(&bench.transitions(), motor, from, Lines::open);
+    time.unwrap_or_else(|| panic!("bridge {motor} is not open: {:?}", bench.lines(motor)))
+}
+
+/// Expects a motor to turn at this speed, within a tolerance, in counts/s.
+#[track_caller]
+pub(crate) fn expect_motor(bench: &mut Bench, motor: usize, speed: f64, tolerance: f64) {
+    let found = bench.look(motor).counts_per_second;
+    assert!((found - speed).abs() < tolerance, "motor {motor} turns at {found} instead of {speed} counts/s");
 }
 
 /// Returns the log as text.
@@ -186,4 +202,10 @@ pub(crate) fn log(bench: &mut Bench) -> String {
 /// this voltage: the F429 needs 2.7 V at 168 MHz with 5 wait states, and the H743 runs down to 1.62 V.
 pub(crate) fn too_low() -> u32 {
     by_board(2_800, 2_740)
+}
+
+/// Returns a base on the motors 0 and 1, with a gyro.
+pub(crate) fn base() -> BaseSettings {
+    let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+    BaseSettings::new([0, 1], &geometry, true).expect("in range")
 }

@@ -9,7 +9,7 @@ use motor_hub::extension::MotorFunction;
 use motor_hub::extension::report::Condition;
 use motor_hub::model::si::Ohms;
 use motor_hub::motor::SenseLine;
-use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT, ToHub};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT};
 use simulated::current_line::CurrentLine;
 
 /// Returns a motor that a hard stop holds from the beginning.
@@ -19,12 +19,6 @@ fn held() -> Mounting {
 
 fn condition(bench: &mut Bench, host: &mut HostLink, motor: u8) -> Condition {
     host.read(bench, MotorFunction::Condition.to(motor))
-}
-
-/// Returns the hub's answer for the current on an analog channel, in mA.
-fn analog(bench: &mut Bench, host: &mut HostLink, channel: AdcChannel) -> f64 {
-    let ma: i16 = host.read(bench, ToHub::Adc { channel, raw: false });
-    f64::from(ma)
 }
 
 fn motor_channel(motor: u8) -> AdcChannel {
@@ -57,7 +51,7 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
     bench.run(ms(600));
     let (flows, drawn) = flowing(&mut bench);
     for (motor, flows) in (0..).zip(flows) {
-        let reported = analog(&mut bench, &mut host, motor_channel(motor));
+        let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
         println!("motor {motor}: {flows:.0} mA flow, {reported:.0} mA reported");
         assert!(
             (reported - flows.abs()).abs() < 10.0 + 0.02 * flows.abs(),
@@ -68,7 +62,7 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
     }
     let modelled = f64::from(condition(&mut bench, &mut host, 2).current.get());
     assert!(modelled < 0.6 * flows[2], "{modelled} mA by the configured constants");
-    let reported = analog(&mut bench, &mut host, BATTERY_CURRENT);
+    let reported = f64::from(host.analog(&mut bench, BATTERY_CURRENT));
     println!("battery: {drawn:.0} mA, {reported:.0} mA reported");
     let (battery_v, _) = bench.battery();
     // The hub multiplies each motor's current by the motor voltage and divides the product by the battery voltage. The
@@ -101,7 +95,7 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
         bench.run(ms(600));
         let (flows, _) = flowing(&mut bench);
         for (motor, flows) in (0..).zip(flows) {
-            let reported = analog(&mut bench, &mut host, motor_channel(motor));
+            let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
             let measured = condition(&mut bench, &mut host, motor).measured_ma;
             assert!(measured.is_some(), "motor {motor}");
             assert!((reported - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {reported} mA");
@@ -111,15 +105,19 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
 }
 
 #[test]
-fn a_converter_that_a_disturbance_has_switched_off_measures_currents_again() {
+fn converters_that_a_disturbance_has_switched_off_measure_again() {
     on(Board::NucleoF429zi, || {
         let (mut bench, mut host) = with_host(vec![held()]);
         host.power(&mut bench, 0, 12_000);
         bench.run(ms(600));
         assert!(condition(&mut bench, &mut host, 0).measured_ma.is_some());
-        // ADC3_CR2, whose bit ADON is then 0 (RM0090 13.13.3).
+        // ADC2_CR2 and ADC3_CR2, whose bit ADON is then 0 (RM0090 13.13.3).
+        bench.write_register(0x4001_2108, 0);
         bench.write_register(0x4001_2208, 0);
+        bench.set_analog(0, 1_500);
         bench.run(ms(300));
+        let input = host.analog(&mut bench, AdcChannel::new(0).expect("a channel"));
+        assert!((input - 1_500).abs() <= 3, "{input} mV");
         let measured = condition(&mut bench, &mut host, 0).measured_ma;
         assert!(measured.is_some(), "the converter has not been switched on");
     });
@@ -142,7 +140,7 @@ pub(crate) fn a_broken_sense_line_is_reported_and_not_used() {
     );
     let modelled = f64::from(said[0].current.get());
     for motor in 0..2 {
-        let reported = analog(&mut bench, &mut host, motor_channel(motor));
+        let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
         assert!((reported - modelled).abs() < 20.0, "motor {motor}: {reported} mA for {modelled}");
     }
     // A repaired line needs no reset.

@@ -5,14 +5,14 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::{board, booted, four_loads, ms};
+use crate::common::{base, board, booted, expect_speed, four_loads, ms};
 use crate::recording::Configuration;
 use emulated::host_link::HostLink;
 use emulated::{Bench, RegisterDevice, elf};
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::{HubFunction, MotorFunction};
-use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
+use motor_hub::group::{GroupCommand, GyroState};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 
 /// Time from one cycle to the next.
@@ -46,11 +46,9 @@ impl Daemon {
 
     /// Makes motors 0 and 1 drive straight ahead as a drive base with a gyro.
     fn drive_base(&mut self) {
-        let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
-        let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
         (0..2).for_each(|motor| self.host.enable(&mut self.bench, motor, false));
         self.bench.run(ms(100));
-        self.host.command(&mut self.bench, HubFunction::SetBase { base });
+        self.host.command(&mut self.bench, HubFunction::SetBase { base: base() });
         (0..2).for_each(|motor| self.host.velocity(&mut self.bench, motor, 1_000));
         let speed = CountsPerSecond::new(1_000);
         let course = GroupCourse::Velocity([Some(speed), Some(speed), None, None]);
@@ -164,7 +162,7 @@ fn loads() -> [f64; 3] {
         let instructions = (daemon.bench.instructions() - before) as f64;
         100.0 * instructions / (daemon.bench.now() - start).as_secs_f64() / board().core_hz() as f64
     });
-    crate::common::expect_speed(&mut daemon.bench, 0..4, 100.0);
+    expect_speed(&mut daemon.bench, 0..4, 100.0);
     daemon.bench.assert_sound();
     loads
 }

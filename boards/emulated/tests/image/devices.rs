@@ -2,11 +2,10 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, ms, on};
+use crate::common::{am60, base, board, booted, expect_motor, four_loads, ms};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting, RegisterDevice, ServoPulse};
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::requests::Standard;
@@ -96,13 +95,6 @@ impl Devices {
         }
     }
 
-    /// Configures a base on the motors 0 and 1.
-    fn set_base(&mut self, use_gyro: bool) {
-        let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
-        let base = BaseSettings::new([0, 1], &geometry, use_gyro).expect("in range");
-        self.host.command(&mut self.bench, HubFunction::SetBase { base });
-    }
-
     fn read_register(&mut self, bus: u8, register: u8, count: u8) -> (u8, Vec<u8>, Duration) {
         self.command(READ_I2C_REGISTER, &[bus, 0x28, count, register]);
         self.result(POLL_I2C_READ, bus)
@@ -156,10 +148,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
     hub.bench.run(ms(110));
     assert_eq!(hub.pulses(0, start).len(), 0);
     assert!((5..=6).contains(&hub.pulses(3, start).len()));
-    for motor in 0..4 {
-        let speed = hub.bench.look(motor).counts_per_second;
-        assert!((speed - 1500.0).abs() < 60.0, "motor {motor}: {speed}");
-    }
+    (0..4).for_each(|motor| expect_motor(&mut hub.bench, motor, 1500.0, 60.0));
     hub.bench.assert_sound();
 }
 
@@ -337,8 +326,7 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     // The hub is reset in the middle of a transfer.
     hub.command(READ_I2C_REGISTER, &[0, 0x28, 100, 0x00]);
     let at = hub.bench.now() + ms(2);
-    let speed = hub.bench.look(0).counts_per_second;
-    assert!((speed - 600.0).abs() < 30.0, "{speed} counts/s");
+    expect_motor(&mut hub.bench, 0, 600.0, 30.0);
     hub.bench.pull_reset(at);
     hub.bench.run(ms(300));
     hub.host = HostLink::default();
@@ -362,23 +350,10 @@ fn a_second_hold_of_a_line_and_levels_on_pins_outlast_the_first_hold_and_a_reset
 }
 
 #[test]
-fn an_analog_converter_that_a_disturbance_has_switched_off_converts_again() {
-    on(Board::NucleoF429zi, || {
-        let mut hub = Devices::new();
-        // ADC2_CR2, whose bit ADON is then 0 (RM0090 13.13.3).
-        hub.bench.write_register(0x4001_2108, 0);
-        hub.bench.set_analog(0, 1_500);
-        hub.bench.run(ms(100));
-        let measured = hub.adc(0, false);
-        assert!((measured - 1_500).abs() <= 3, "{measured} mV");
-    });
-}
-
-#[test]
 fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
     let mut hub = Devices { bench: booted(vec![am60(), am60()]), host: HostLink::default() };
     hub.bench.attach(0, RegisterDevice::bno055());
-    hub.set_base(true);
+    hub.host.command(&mut hub.bench, HubFunction::SetBase { base: base() });
     for motor in 0..2 {
         hub.host.velocity(&mut hub.bench, motor, 600);
     }
@@ -397,8 +372,7 @@ fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
     let asked = hub.bench.now();
     assert_eq!(gyro(&mut hub), (3, 1), "lost");
     assert!(hub.bench.now() - asked < ms(3), "{:?}", hub.bench.now() - asked);
-    let speed = hub.bench.look(0).counts_per_second;
-    assert!((speed - 600.0).abs() < 30.0, "{speed} counts/s");
+    expect_motor(&mut hub.bench, 0, 600.0, 30.0);
     hub.bench.assert_sound();
 }
 

@@ -4,12 +4,12 @@
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use crate::common::{am60, booted_as, ms, on, setup};
+use crate::common::{ERRORS, LATE, am60, booted, expect_speed, ms, on, setup};
 use crate::store::{self, Pages};
 use crate::supply;
 use embassy_futures::block_on;
 use emulated::host_link::HostLink;
-use emulated::{Bench, Board, FlashFaults, Mpu, Setup};
+use emulated::{Bench, Board, Setup};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
@@ -18,11 +18,6 @@ use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome};
 use salty::{Keypair, Sha512};
 
 const BOARD: Board = Board::NucleoH743zi2;
-
-/// The error flags appear at all points of an operation, because 7 does not divide the number of accesses of an
-/// operation.
-const ERRORS: FlashFaults = FlashFaults { errors_every: 7, late_reads: 0 };
-const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
 
 /// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): of the slot that is booted, of the other slot,
 /// and of the bootloader's state. `ORIGIN` is the address of the slot that is booted, and `PAGE` is the number of bytes
@@ -45,25 +40,20 @@ const CONFIRMED: u8 = 0xD0;
 /// Each byte of the bootloader's state if new firmware was refused (`REVERT_MAGIC` of embassy-boot).
 const WENT_BACK: u8 = 0xC0;
 
-fn saves(flash_faults: FlashFaults) {
-    let mut bench = on(BOARD, || booted_as(Setup { flash_faults, ..setup(vec![am60(); 2]) }));
-    let mut host = HostLink::default();
-    for number in 1..=3 {
-        store::protect(&mut bench, &mut host, 1_000 + number as u16);
-        let (report, _) = store::save(&mut bench, &mut host);
-        assert_eq!((report.outcome, report.stored, report.number), (Saved::Done, Stored::Whole, number));
+#[test]
+fn settings_are_saved_while_the_flash_shows_spurious_errors_or_words_arrive_late() {
+    for flash_faults in [ERRORS, LATE] {
+        let mut bench = on(BOARD, || booted(vec![am60(); 2]));
+        bench.set_flash_faults(flash_faults);
+        let mut host = HostLink::default();
+        for number in 1..=3 {
+            store::protect(&mut bench, &mut host, 1_000 + number as u16);
+            let (report, _) = store::save(&mut bench, &mut host);
+            let found = (report.outcome, report.stored, report.number);
+            assert_eq!(found, (Saved::Done, Stored::Whole, number), "{flash_faults:?}");
+        }
+        bench.assert_sound();
     }
-    bench.assert_sound();
-}
-
-#[test]
-fn settings_are_saved_while_the_flash_shows_spurious_errors() {
-    saves(ERRORS);
-}
-
-#[test]
-fn settings_are_saved_though_words_arrive_late() {
-    saves(LATE);
 }
 
 /// The flash of a board whose bootloader finds new firmware armed.
@@ -105,8 +95,8 @@ fn armed_with(setup: Setup, sign: impl FnOnce(&[u8]) -> Option<ImageSignature>) 
     Armed { flash, before, new }
 }
 
-fn powered_on(flash: Vec<u8>, flash_faults: FlashFaults) -> Bench {
-    on(BOARD, || Bench::new(Setup { flash, flash_faults, bootloader: true, ..setup(vec![am60()]) }))
+fn powered_on(flash: Vec<u8>) -> Bench {
+    on(BOARD, || Bench::new(Setup { flash, bootloader: true, ..setup(vec![am60()]) }))
 }
 
 /// True while the bootloader's state orders a swap. The order stays until firmware confirms itself.
@@ -120,7 +110,7 @@ fn is_ordered(bench: &mut Bench) -> bool {
 /// The bootloader's state alone does not show this. A confirmation first erases the order, and power may fail before
 /// the new mark is written. Without an order the firmware counts as confirmed.
 #[track_caller]
-fn booted(bench: &mut Bench) -> Booted {
+fn outcome(bench: &mut Bench) -> Booted {
     let begun = bench.now();
     bench.run(ms(500));
     let swapped = bench.run_while(ms(250), Duration::from_secs(60), |bench| !is_ordered(bench));
@@ -135,27 +125,20 @@ fn booted(bench: &mut Bench) -> Booted {
 /// Runs until the hub's firmware is confirmed, and expects this firmware in the slot.
 #[track_caller]
 fn boots(bench: &mut Bench, expected: &[u8]) {
-    assert_eq!(booted(bench), Booted::Confirmed);
+    assert_eq!(outcome(bench), Booted::Confirmed);
     assert!(bench.flash()[ACTIVE..].starts_with(expected), "other firmware than expected");
 }
 
-fn swaps(flash_faults: FlashFaults) {
-    let Armed { flash, new, .. } = armed();
-    let mut bench = powered_on(flash, flash_faults);
-    boots(&mut bench, &new);
-    assert_eq!(bench.resets(), []);
-}
-
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_bootloader_swaps_while_the_flash_shows_spurious_errors() {
-    swaps(ERRORS);
-}
-
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_bootloader_swaps_though_words_arrive_late() {
-    swaps(LATE);
+fn the_bootloader_swaps_while_the_flash_shows_spurious_errors_or_words_arrive_late() {
+    for flash_faults in [ERRORS, LATE] {
+        let Armed { flash, new, .. } = armed();
+        let mut bench = powered_on(flash);
+        bench.set_flash_faults(flash_faults);
+        boots(&mut bench, &new);
+        assert_eq!(bench.resets(), [], "{flash_faults:?}");
+    }
 }
 
 /// Registers of the flash's interface (RM0433 2.3).
@@ -165,7 +148,7 @@ const INTERFACE: std::ops::Range<u64> = 0x5200_2000..0x5200_2200;
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
     let Armed { flash, new, .. } = armed();
-    let mut bench = powered_on(flash, FlashFaults::default());
+    let mut bench = powered_on(flash);
     bench.run(ms(5_000));
     bench.fail_next_access(INTERFACE);
     boots(&mut bench, &new);
@@ -186,7 +169,7 @@ const BLINKS_EVERY: Duration = Duration::from_millis(250 * 64 / 400);
 
 #[test]
 fn the_red_lamp_blinks_during_a_swap() {
-    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    let mut bench = powered_on(armed().flash);
     let mut lit = Vec::new();
     bench.run_while(ms(4), 20 * BLINKS_EVERY, |bench| {
         lit.push(bench.register(LAMPS) >> 14 & 1 == 1);
@@ -200,7 +183,7 @@ fn the_red_lamp_blinks_during_a_swap() {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_goes_on() {
     let Armed { flash, new, .. } = armed();
-    let mut bench = powered_on(flash, FlashFaults::default());
+    let mut bench = powered_on(flash);
     bench.run(ms(3_000));
     bench.hold_flash();
     assert!(bench.run_while(ms(500), ms(34_000), |bench| !bench.resets().is_empty()), "no watchdog reset");
@@ -212,7 +195,7 @@ fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirmation() {
-    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    let mut bench = powered_on(armed().flash);
     assert!(bench.run_while(ms(100), ms(20_000), |bench| !bench.log().is_empty()), "nothing is swapped in");
     bench.hold_flash();
     // The confirmation is due after 2 s.
@@ -222,8 +205,7 @@ fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirm
     bench.run(ms(1_500));
     let report: UpdateReport = host.read(&mut bench, HubFunction::Update);
     assert_eq!(report.booted, Booted::OnTrial);
-    let speed = bench.look(0).counts_per_second;
-    assert!((speed - 1_000.0).abs() < 30.0, "{speed} counts/s");
+    expect_speed(&mut bench, [0], 30.0);
     assert_eq!(bench.resets(), []);
 }
 
@@ -241,8 +223,8 @@ fn no_code_is_executed_in_the_second_bank_and_in_the_system_memory() {
         flash[ACTIVE..ACTIVE + 16].copy_from_slice(vectors.as_flattened());
         flash[ACTIVE + 0x200..ACTIVE + 0x202].copy_from_slice(&SPIN);
         flash[DOWNLOAD..DOWNLOAD + 2].copy_from_slice(&SPIN);
-        let stand = Setup { flash, bootloader: true, mpu: Mpu::Emulated, ..setup(vec![am60()]) };
-        let mut bench = on(BOARD, || Bench::new(Setup { board: BOARD, ..stand }));
+        let stand = Setup { board: BOARD, flash, bootloader: true, full_mpu: true, ..setup(vec![am60()]) };
+        let mut bench = Bench::new(stand);
         bench.watch(vec![entry.into(), handler.into()]);
         bench.run(ms(20));
         let arrivals: Vec<u64> = bench.take_hits().into_iter().map(|hit| hit.address).take(2).collect();
@@ -257,7 +239,7 @@ fn firmware_that_a_probe_has_written_boots_although_other_firmware_is_armed() {
     // The probe writes the same hub with other bytes behind its code.
     let probed = [&new[..new.len() - CHUNK], &[0xA5; CHUNK]].concat();
     flash[ACTIVE..ACTIVE + probed.len()].copy_from_slice(&probed);
-    let mut bench = powered_on(flash, FlashFaults::default());
+    let mut bench = powered_on(flash);
     boots(&mut bench, &probed);
     assert_eq!(bench.resets(), []);
 }
@@ -280,7 +262,7 @@ fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
     let (unsigned, signed) = (armed_with(with_key(), |_| None), armed_with(with_key(), sign));
     std::fs::remove_file(&file).expect("the file of the key");
     for (Armed { flash, .. }, swaps) in [(signed, true), (unsigned, false)] {
-        let mut bench = powered_on(flash, FlashFaults::default());
+        let mut bench = powered_on(flash);
         // The first step of a swap erases a page and writes another.
         bench.run(ms(3_000));
         let left = bench.flash();
@@ -297,7 +279,7 @@ const BETWEEN_CUTS: Duration = Duration::from_millis(350);
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn power_that_goes_at_any_step_of_a_swap_leaves_whole_firmware_that_runs() {
     let Armed { flash, before, new } = armed();
-    let mut bench = powered_on(flash, FlashFaults::default());
+    let mut bench = powered_on(flash);
     let mut cuts = 0;
     let mut restored = 0;
     loop {
@@ -305,8 +287,8 @@ fn power_that_goes_at_any_step_of_a_swap_leaves_whole_firmware_that_runs() {
         let left = bench.flash();
         let is_over = left[STATE] == CONFIRMED;
         let is_on_trial = left[STATE] == ORDERED && left[ACTIVE..].starts_with(&new);
-        let mut powered_on = powered_on(left, FlashFaults::default());
-        let booted = booted(&mut powered_on);
+        let mut powered_on = powered_on(left);
+        let booted = outcome(&mut powered_on);
         // A reset of firmware on trial restores the previous firmware, also if the reset is a loss of power.
         let expected = match booted {
             Booted::Reverted if is_on_trial => &before,

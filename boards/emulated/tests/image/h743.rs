@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::common::{COUNTER, am60, bits, booted, log, ms, on, setup};
-use emulated::{Bench, Board, Output};
+use crate::common::{COUNTER, am60, bits, booted, log, ms, on, setup, time_to};
+use emulated::{Bench, Board, FaultyCode, Output};
 
 /// Tests of all boards that `cargo xtask test emulated` runs on this board too. `cargo xtask test BOARD` leaves them out.
 mod repeated {
     use crate::common::on;
-    use crate::{boot, chain, currents, devices, faults, link, record, running, supply};
+    use crate::{boot, chain, currents, devices, link, record, running, supply};
     use emulated::Board;
 
     macro_rules! on_h743 {
@@ -34,7 +34,7 @@ mod repeated {
         devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
         link::power_and_coast_reach_the_bridge_within_2_ms,
         link::digital_pins_are_read_and_driven,
-        faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
+        running::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
         supply::halted_cores_noisy_encoders_and_open_lines_find_their_registers_set,
         supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
         record::a_panic_is_on_record_with_its_line,
@@ -106,12 +106,9 @@ fn time_to_low(bench: &mut Bench, watched: Duration) -> Duration {
     let at = bench.now();
     bench.press(false);
     bench.run(watched);
-    let mut low = [None; 2];
-    for transition in bench.transitions().into_iter().filter(|t| t.motor < 2) {
-        let is_low = transition.lines.pwm == Output::Level(false);
-        low[transition.motor] = is_low.then(|| low[transition.motor].unwrap_or(transition.at));
-    }
-    low.map(|since| since.expect("PWM is low")).into_iter().max().expect("motors").saturating_sub(at)
+    let transitions = bench.transitions();
+    let low = |motor| time_to(&transitions, motor, at, |lines| lines.pwm == Output::Level(false));
+    low(0).max(low(1)).expect("PWM is low")
 }
 
 /// Before revision V the timer ignores the break of a lock-up (ES0392 2.2.2), and the PWM stays on until the watchdog
@@ -131,7 +128,7 @@ fn a_core_that_locks_up_leaves_no_pwm_on_from_revision_v_on() {
 #[test]
 fn a_supply_that_falls_leaves_no_pwm_on_though_a_hung_core_takes_no_interrupt() {
     let mut bench = driving(0x2003);
-    bench.hang_masked("capture");
+    bench.divert("capture", FaultyCode::LoopsMasked);
     bench.run(ms(5));
     assert!((0..2).all(|motor| !bench.lines(motor).open()), "a hung core drives on");
     bench.set_rail(2_740);

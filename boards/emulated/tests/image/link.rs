@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, expect_speed, four_loads, ms, open_since, set_speeds, with_host};
+use crate::common::{am60, board, booted, expect_speed, four_loads, ms, set_speeds, time_to_safe, with_host};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Hit};
 use motor_hub::extension::{HubFunction, Request};
@@ -113,19 +113,9 @@ fn a_host_reads_the_positions_speeds_and_voltage_of_the_physics() {
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
         assert!(error <= 0.03 * look.counts_per_second.abs() + 5.0, "{look:?}, {velocities:?}");
     }
-    let millivolts: i16 = host.read(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
-    let millivolts = f64::from(millivolts);
+    let millivolts = f64::from(host.analog(&mut bench, BATTERY));
     assert!((millivolts - 1000.0 * bench.battery().0).abs() < 30.0, "{millivolts} mV");
     bench.assert_sound();
-}
-
-/// Returns the times at which bridge 0 changed, in ns after the last multiple of the control period of 50 ms.
-fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
-    let mut offsets: Vec<u128> = Vec::new();
-    for t in bench.transitions().iter().filter(|t| t.at > from && t.motor == 0) {
-        offsets.push(t.at.as_nanos() % 50_000_000);
-    }
-    offsets
 }
 
 #[test]
@@ -142,7 +132,10 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
         bench.run(ms(10));
         answers += host.arrivals(&mut bench).len();
     }
-    let offsets = tick_offsets(&mut bench, from);
+    let transitions = bench.transitions();
+    let of_bridge = transitions.iter().filter(|t| t.at > from && t.motor == 0);
+    // Times after the last multiple of the control period of 50 ms.
+    let offsets: Vec<u128> = of_bridge.map(|t| t.at.as_nanos() % 50_000_000).collect();
     let (least, most) = (offsets.iter().min().expect("ticks"), offsets.iter().max().expect("ticks"));
     println!("{answers} answers in 3 s; outputs change {least} to {most} ns after the grid's instant");
     assert!(answers > 2500, "{answers}");
@@ -286,9 +279,8 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
         bench.run(ms(2400));
         assert!((0..4).all(|motor| !bench.lines(motor).open()));
         bench.run(ms(300));
-        let transitions = bench.transitions();
         for motor in 0..4 {
-            let at = open_since(&transitions, motor, last).expect("open") - last;
+            let at = time_to_safe(&mut bench, motor, last);
             (soonest, latest) = (soonest.min(at), latest.max(at));
         }
         host.arrivals(&mut bench);
@@ -347,7 +339,7 @@ fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
 }
 
 #[test]
-pub(crate) fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
+fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
     let (mut bench, mut host) = with_host(vec![am60()]);
     bench.wire_pins();
     assert_eq!(host.bulk(&mut bench).digital, 0xFF, "both are pulled up");

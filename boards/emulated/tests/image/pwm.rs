@@ -1,12 +1,12 @@
 //! Compares the bench's simple models of TIM1 and of the memory protection unit with the emulator's own models.
 
 use crate::common::{booted_as, four_loads, ms, setup};
-use emulated::{Bench, Encoder, Mpu, Output, Pwm, Setup};
+use emulated::{Bench, Encoder, Output, Setup};
 
 /// Runs a hub whose motors speed up, are disturbed, brake and lose an encoder. The hub is then reset while motors run,
 /// and starts again.
-fn reference_run(pwm: Pwm, mpu: Mpu) -> Bench {
-    let mut bench = booted_as(Setup { pwm, mpu, ..setup(four_loads()) });
+fn reference_run(full: bool) -> Bench {
+    let mut bench = booted_as(Setup { full_timer: full, full_mpu: full, ..setup(four_loads()) });
     bench.press(true);
     bench.run(ms(900));
     bench.set_torque(0, 0.8);
@@ -27,8 +27,8 @@ fn reference_run(pwm: Pwm, mpu: Mpu) -> Bench {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edge() {
-    let mut light = reference_run(Pwm::Registers, Mpu::Registers);
-    let mut full = reference_run(Pwm::Emulated, Mpu::Emulated);
+    let mut light = reference_run(false);
+    let mut full = reference_run(true);
     assert_eq!(light.transitions(), full.transitions());
     assert!(light.transitions().len() > 100);
     assert_eq!(light.log(), full.log());
@@ -42,7 +42,7 @@ fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edg
 
 #[test]
 fn the_emulators_timer_puts_the_same_pulse_on_every_pin() {
-    let mut bench = booted_as(Setup { pwm: Pwm::Emulated, ..setup(four_loads()) });
+    let mut bench = booted_as(Setup { full_timer: true, ..setup(four_loads()) });
     bench.press(true);
     let mut compared = 0;
     for step in 0..1500 {

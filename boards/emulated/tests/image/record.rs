@@ -1,11 +1,12 @@
-//! The record of a hub after a reset.
+//! The record of a hub after a reset, and the depth of the stack.
 
 use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning, turning_as};
 use emulated::host_link::HostLink;
-use emulated::{Bench, Encoder, Mpu, Setup};
+use emulated::{Bench, Encoder, FaultyCode, Setup};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::record::{Entries, Ticks};
+use motor_hub::protocol::Reply;
 use motor_hub::record::{Fault, Head, Tick};
 
 fn entries(bench: &mut Bench) -> Vec<Head> {
@@ -27,12 +28,8 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
 
 /// Runs four motors at 1000 counts/s. Then `happens` stops the firmware, so that the watchdog resets the chip. Returns
 /// the only entry of the record.
-fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
-    after_with(Mpu::Registers, happens)
-}
-
-fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
-    let mut bench = turning_as(Setup { mpu, ..setup(four_loads()) });
+fn after(setup: Setup, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
+    let mut bench = turning_as(setup);
     let at = bench.now();
     happens(&mut bench);
     bench.run(ms(1500));
@@ -60,13 +57,13 @@ fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
 
 #[test]
 fn a_task_that_hung_is_a_watchdog_reset_on_record() {
-    let (_, head) = after(|bench| bench.hang("capture"));
+    let (_, head) = after(setup(four_loads()), |bench| bench.divert("capture", FaultyCode::Loops));
     assert_eq!((head.fault, head.detail), (Fault::Watchdog, [0; 2]));
 }
 
 #[test]
 fn a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code() {
-    let (bench, head) = after(|bench| bench.fail_next_access(COUNTER));
+    let (bench, head) = after(setup(four_loads()), |bench| bench.fail_next_access(COUNTER));
     assert_eq!(head.fault, Fault::HardFault);
     let place = u64::from(head.detail[0]);
     let function = bench.symbols().iter().find(|s| (s.address..s.address + s.size).contains(&place));
@@ -76,15 +73,15 @@ fn a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code() {
 
 #[test]
 pub(crate) fn a_panic_is_on_record_with_its_line() {
-    let (_, head) = after(|bench| bench.panic("capture"));
+    let (_, head) = after(setup(four_loads()), |bench| bench.divert("capture", FaultyCode::Panics));
     assert_eq!((head.fault, head.detail), (Fault::Panic, [77, 7]));
 }
 
 #[test]
 fn a_stack_overflow_opens_all_bridges_and_is_on_record_with_how_far_it_went() {
-    let (_, head) = after_with(Mpu::Emulated, |bench| {
+    let (_, head) = after(Setup { full_mpu: true, ..setup(four_loads()) }, |bench| {
         let at = bench.now();
-        bench.overflow_stack("capture");
+        bench.divert("capture", FaultyCode::Overflows);
         bench.run(ms(50));
         for motor in 0..4 {
             // The task is polled up to a millisecond after the fault.
@@ -140,4 +137,42 @@ pub(crate) fn the_record_is_empty_after_power_on_whatever_the_memory_holds() {
     );
     bench.run(ms(400));
     assert_eq!(entries(&mut bench), []);
+}
+
+/// A word that fills the stack before the first instruction.
+const PAINT: u32 = 0xA5C3_5A3C;
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_stack_stays_below_nine_of_its_24_kilobytes() {
+    let mut bench = Bench::new(setup(four_loads()));
+    let stack = board().stack();
+    let words = usize::try_from((stack.end - stack.start) / 4).expect("fits");
+    bench.write_words(stack.start, vec![PAINT; words]);
+
+    // The run has motors that are configured and regulated on a busy line, a fault of a motor, a bus error with its log
+    // line, and a watchdog reset.
+    let mut host = HostLink::default();
+    bench.run(ms(300));
+    for motor in 0..4 {
+        // An AM 60 A, Scheme B, linear current.
+        let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
+        assert_eq!(host.request_raw(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
+        host.velocity(&mut bench, motor, 1500);
+    }
+    for _ in 0..100 {
+        host.keep_alive(&mut bench);
+        bench.run(ms(10));
+    }
+    bench.set_encoder(0, Encoder::Unplugged);
+    bench.run(ms(500));
+    bench.fail_next_access(COUNTER);
+    bench.run(ms(1500));
+
+    let untouched =
+        bench.read_words(stack.start, words).into_iter().take_while(|&word| word == PAINT).count();
+    let (deepest, size) = (4 * (words - untouched), 4 * words);
+    println!("worst stack seen: {deepest} of {size} bytes");
+    assert!(!bench.resets().is_empty(), "the run includes a restart");
+    assert!(deepest < 9_000 && size == 24 * 1024, "{deepest} of {size} bytes");
 }

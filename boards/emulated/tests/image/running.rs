@@ -1,8 +1,13 @@
-//! Regulated motors on the chip, started by the button, without a host.
+//! Regulated motors on the chip, started by the button, without a host. A fault of one motor stops this motor, and leaves the others
+//! running; `matrix` has every fault in every mode.
 
-use crate::common::{am60, booted, counts_in, expect_speed, four_loads, log, ms, turning};
+use std::time::Duration;
+
+use crate::common::{
+    am60, booted, counts_in, expect_motor, expect_speed, four_loads, log, ms, time_to_safe, turning,
+};
 use emulated::host_link::HostLink;
-use emulated::{Bench, Lines};
+use emulated::{Bench, Encoder, Lines};
 
 #[test]
 pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
@@ -86,15 +91,16 @@ fn the_button_drives_no_motor_on_a_low_battery_nor_once_a_host_has_spoken() {
     assert!(all_open(&mut bench));
     press_anew(&mut bench);
     assert!((0..4).all(|motor| !bench.lines(motor).open()));
-    // A host that enables a motor in its first milliseconds is not disturbed by the button, which is still held.
+    // The first packet of a host disables the motors and the button.
     let mut host = HostLink::default();
+    host.keep_alive(&mut bench);
+    bench.run(ms(100));
+    assert!(all_open(&mut bench));
     host.velocity(&mut bench, 0, -1000);
     bench.run(ms(1000));
-    assert!((1..4).all(|motor| bench.lines(motor).open()));
     host.keep_alive(&mut bench);
     press_anew(&mut bench);
-    let speed = bench.look(0).counts_per_second;
-    assert!((speed + 1000.0).abs() < 30.0, "{speed} counts/s");
+    expect_motor(&mut bench, 0, -1000.0, 30.0);
     assert!((1..4).all(|motor| bench.lines(motor).open()));
     // The button also has no effect after the host has gone.
     bench.run(ms(2_600));
@@ -102,4 +108,72 @@ fn the_button_drives_no_motor_on_a_low_battery_nor_once_a_host_has_spoken() {
     press_anew(&mut bench);
     assert!(all_open(&mut bench));
     bench.assert_sound();
+}
+
+#[test]
+fn a_motor_that_a_host_enables_in_its_first_milliseconds_keeps_running_though_the_button_is_held() {
+    // The task of the button polls every 10 ms. A host sets and enables a motor in less time.
+    for phase in [0, 3, 6] {
+        let mut bench = turning(vec![am60()]);
+        bench.run(ms(phase));
+        HostLink::default().velocity(&mut bench, 0, -1000);
+        bench.run(ms(1500));
+        expect_motor(&mut bench, 0, -1000.0, 100.0);
+    }
+}
+
+/// Expects that the bridge of motor 1 opens within `limit` and stays open, and that the other motors keep their speed.
+fn only_motor_1_stops(bench: &mut Bench, what: &str, since: Duration, limit: Duration) {
+    bench.run_until(since + ms(1000));
+    let time = time_to_safe(bench, 1, since);
+    println!("time to safe: {:8.3} ms  {what}", time.as_secs_f64() * 1e3);
+    assert!(time <= limit, "{what}: {time:?}");
+    // The fault is latched: a repaired encoder does not enable the motor.
+    bench.set_encoder(1, Encoder::Sound);
+    let turned = counts_in(bench, ms(500));
+    // At 1000 counts/s a sample may have no count although the motor turns, and the speed then changes by 5 % for a moment.
+    for motor in [0, 2, 3] {
+        let mean = turned[motor] as f64 / 0.5;
+        assert!((mean - 1000.0).abs() < 30.0, "{what}: motor {motor} turns at {mean} counts/s");
+    }
+    assert!(bench.lines(1).open());
+    bench.assert_sound();
+}
+
+/// Presses the button. Returns the time at which motor 1 is first driven, with a resolution of a millisecond.
+fn started(bench: &mut Bench) -> Duration {
+    bench.press(true);
+    assert!(bench.run_while(ms(1), ms(100), |bench| !bench.lines(1).open()));
+    bench.now()
+}
+
+#[test]
+fn a_faulty_encoder_stops_its_motor_alone() {
+    for (encoder, is_turning, fault) in [
+        (Encoder::Unplugged, true, "Stuck"),
+        (Encoder::Unplugged, false, "Stuck"),
+        (Encoder::Reversed, false, "Reversed"),
+    ] {
+        let mut bench = if is_turning { turning(four_loads()) } else { booted(four_loads()) };
+        bench.set_encoder(1, encoder);
+        let at = if is_turning { bench.now() } else { started(&mut bench) };
+        // The hub decides once the velocity loop requests half of the control range, which a turning motor does later.
+        let limit = if is_turning { ms(300) } else { ms(275) };
+        only_motor_1_stops(&mut bench, &format!("{encoder:?}, turning: {is_turning}"), at, limit);
+        assert!(log(&mut bench).contains(&format!("encoder: Some({fault})")), "{}", log(&mut bench));
+    }
+}
+
+#[test]
+pub(crate) fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    bench.pull_diag(1, true);
+    only_motor_1_stops(&mut bench, "bridge pulls its DIAG low", at, ms(65));
+    // The fault is latched: a bridge that works again does not enable the motor.
+    bench.pull_diag(1, false);
+    bench.run(ms(500));
+    assert!(bench.lines(1).open());
+    assert!(log(&mut bench).contains("motor 1: Faults"), "{}", log(&mut bench));
+    assert!(log(&mut bench).contains("bridge: true"), "{}", log(&mut bench));
 }

@@ -7,7 +7,7 @@ use crate::common::{
     too_low, turning, with_host,
 };
 use emulated::{Bench, Board, Lines, Setup};
-use motor_hub::protocol::requests::{AdcChannel, BATTERY, ToHub};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY};
 
 // RM0090 and RM0433, memory maps and register descriptions.
 const RCC_CR: u64 = 0x4002_3800;
@@ -246,10 +246,9 @@ fn a_reference_that_stops_in_the_middle_of_a_sequence_leaves_the_battery_known()
         bench.run(ms(300));
         bench.set_analog(2, 1_500);
         bench.run(ms(50));
-        let battery: i16 = host.read(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
+        let battery = host.analog(&mut bench, BATTERY);
         assert!((battery - 12_000).abs() < 200, "{battery} mV");
-        let input: i16 =
-            host.read(&mut bench, ToHub::Adc { channel: AdcChannel::new(2).expect("a channel"), raw: false });
+        let input = host.analog(&mut bench, AdcChannel::new(2).expect("a channel"));
         assert!((input - 1_500).abs() < 5, "{input} mV");
         bench.assert_sound();
     });

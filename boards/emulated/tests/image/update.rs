@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::boot::first_safe_output;
-use crate::common::{am60, booted_as, ms, on, setup, watch_samples, worst_sample};
+use crate::common::{am60, booted_as, expect_speed, ms, on, setup, watch_samples, worst_sample};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::extension::HubFunction;
@@ -173,8 +173,7 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     println!("written, checked and armed in {took:?}; the latest sample came {worst:?} after the one before");
     assert!(took > ms(2000), "two erasures of 128 kB take a second each at least: {took:?}");
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
-    let speed = bench.look(0).counts_per_second;
-    assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
+    expect_speed(&mut bench, [0], 30.0);
     refused(&mut bench, &mut host, HubFunction::Restart, Nack::MOTOR_ENABLED);
     // The next reset does not start an abandoned image.
     host.command(&mut bench, HubFunction::AbandonUpdate);

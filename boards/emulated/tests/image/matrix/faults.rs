@@ -3,7 +3,7 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use emulated::{Bench, Encoder, FlashFaults, Wire};
+use emulated::{Bench, Encoder, FaultyCode, FlashFaults, Wire};
 
 use super::run::Run;
 use crate::common::{COUNTER, ms, too_low};
@@ -63,7 +63,7 @@ impl Fault {
             Self::HostSilent => {}
             Self::HostGarbled(per_million) => bench.garble_serial(per_million, 7),
             Self::LogAbandoned => bench.set_log_abandoned(true),
-            Self::TaskHangs(task) => bench.hang(task),
+            Self::TaskHangs(task) => bench.divert(task, FaultyCode::Loops),
             Self::BusError => bench.fail_next_access(COUNTER),
             Self::ResetPin => bench.pull_reset(bench.now()),
             Self::BatteryPinOpen => bench.open_battery_pin(true),

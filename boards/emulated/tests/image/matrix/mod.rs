@@ -11,7 +11,6 @@ mod run;
 mod table;
 
 use std::ops::RangeInclusive;
-use std::sync::Mutex;
 
 use crate::common::{board, ms, on, other_board, publish};
 use emulated::{Bench, Board};
@@ -141,31 +140,32 @@ fn on_one_hub<'a>(rows: &[&'a Row]) -> [Share<'a>; CHIPS] {
 
 /// Runs rows, the shares side by side, and returns their table.
 fn run_rows<'a>(setup: Setup, shares: [Share<'a>; CHIPS]) -> String {
-    let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     let work = |share: Share<'a>| {
+        let (mut seen, mut wrong) = (Vec::new(), Vec::new());
         let mut run = Run::new(setup, share.place);
         for (number, row) in share.rows {
             let came = run.row(row);
             let complaints = complaints(row, &came);
-            seen.lock().expect("no panic").push((number, row, came));
+            seen.push((number, row, came));
             if !complaints.is_empty() {
                 run = Run::new(setup, share.place);
-                wrong.lock().expect("no panic").extend(complaints);
+                wrong.extend(complaints);
             }
         }
         run.chain.hubs.iter_mut().for_each(Bench::assert_sound);
+        (seen, wrong)
     };
+    let (mut seen, mut wrong) = (Vec::new(), Vec::new());
     std::thread::scope(|scope| {
         let work = &work;
-        let shares = shares.map(|share| scope.spawn(move || on(share.board, || work(share))));
-        shares.into_iter().for_each(|share| {
-            share.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        });
+        for share in shares.map(|share| scope.spawn(move || on(share.board, || work(share)))) {
+            let came = share.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            seen.extend(came.0);
+            wrong.extend(came.1);
+        }
     });
-    let mut seen = seen.into_inner().expect("no panic");
     seen.sort_by_key(|(number, ..)| *number);
     let table = table::text(seen.iter().map(|(_, row, seen)| (*row, seen)));
-    let wrong = wrong.into_inner().expect("no panic");
     assert!(wrong.is_empty(), "{table}\n{}", wrong.join("\n"));
     table
 }

@@ -1,8 +1,9 @@
 //! All faults of the fault matrix, and the expected result in each mode.
 
-use emulated::{Encoder, FlashFaults, Wire};
+use emulated::{Encoder, Wire};
 
 use super::faults::{Fault, SLOT_MISSING, glitches, stuck};
+use crate::common::{ERRORS, LATE};
 
 /// A row of the fault matrix: a fault and its expected effects.
 pub(crate) struct Row {
@@ -204,16 +205,11 @@ pub(crate) static ROWS_OF_H743: [Row; 3] = [
     row("nothing connected to the battery's pin", Fault::BatteryPinOpen, &[], [WORKS; 4]),
     row(
         "settings are saved, and the flash shows errors that nobody made",
-        Fault::FlashFaulty(FlashFaults { errors_every: 7, late_reads: 0 }),
+        Fault::FlashFaulty(ERRORS),
         &[],
         [WORKS; 4],
     ),
-    row(
-        "settings are saved, and words arrive late",
-        Fault::FlashFaulty(FlashFaults { errors_every: 0, late_reads: 5 }),
-        &[],
-        [WORKS; 4],
-    ),
+    row("settings are saved, and words arrive late", Fault::FlashFaulty(LATE), &[], [WORKS; 4]),
 ];
 
 /// Names of the rows whose results differ, or may differ, for motors that are configured and brake at faults, and their

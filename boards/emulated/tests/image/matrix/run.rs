@@ -17,7 +17,7 @@ use motor_hub::supply::BusState;
 use super::modes::{MODES, Mode, Setup, powered};
 use super::rows::{Recovery, Row};
 use crate::chain::set_address;
-use crate::common::{board, ms, other_board};
+use crate::common::{board, ms, other_board, time_to};
 use crate::store;
 
 /// The hub that has the faults.
@@ -204,8 +204,8 @@ impl Run {
         let back = self.recover(stopped);
         let cells = MODES.into_iter().zip(before.iter().zip(&after)).zip(said).zip(back);
         let cells = cells.map(|(((mode, (before, after)), reports), back)| MotorResult {
-            open_after: since(&transitions, mode.motor(), from, Lines::open),
-            shorted_after: since(&transitions, mode.motor(), from, Lines::shorted),
+            open_after: time_to(&transitions, mode.motor(), from, Lines::open),
+            shorted_after: time_to(&transitions, mode.motor(), from, Lines::shorted),
             longest_open: longest_open(&transitions, mode.motor(), from, to),
             speed: after.counts_per_second,
             mean_speed: (after.counts - before.counts) as f64 / (to - from).as_secs_f64(),
@@ -340,19 +340,6 @@ fn off(bench: &mut Bench) -> [bool; 4] {
         let last = transitions.iter().rfind(|t| t.motor == mode.motor());
         (lines.open() || lines.shorted()) && last.is_none_or(|last| now - last.at > ms(60))
     })
-}
-
-/// Returns the time from a fault until the lines of a bridge fulfilled the condition `such` without interruption.
-/// `None` if the lines do not fulfil the condition after the last transition.
-fn since(
-    transitions: &[Transition],
-    motor: usize,
-    fault: Duration,
-    such: impl Fn(Lines) -> bool,
-) -> Option<Duration> {
-    let of_motor = transitions.iter().filter(|t| t.motor == motor);
-    let at = of_motor.fold(None, |at: Option<Duration>, t| such(t.lines).then(|| at.unwrap_or(t.at)));
-    at.map(|at| at.saturating_sub(fault))
 }
 
 /// Returns the names of the texts in `words` that a log line has. The line must begin with `of`.
