@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub compare`.
 
-use crate::output::{Failure, Folder, Report, in_steps};
+use crate::output::{Failure, Folder, drawn, in_steps};
 use std::path::PathBuf;
 use studies::compare::Comparison;
 
@@ -32,11 +32,9 @@ impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let folder = Folder::new(&self.out)?;
         let comparison = in_steps("runs", |step| Comparison::new(self.quick, step)).map_err(Failure::work)?;
-        let report = Report {
-            figures: &comparison.figures(),
-            markdown: comparison.markdown(),
-            text: comparison.text(),
-        };
-        report.publish(&folder, self.json.then_some(|files: &[PathBuf]| comparison.json(files)))
+        let mut files = drawn(&comparison.figures());
+        files.push(("tables.md".to_owned(), comparison.markdown().into_bytes()));
+        let json = self.json.then_some(|files: &[PathBuf]| comparison.json(files));
+        folder.publish(files, "Charts (SVG) and tables (Markdown) are", &comparison.text(), json)
     }
 }

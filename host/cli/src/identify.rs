@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub identify`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::output::{Failure, Folder, drawn};
 use crate::parse::whole;
 use crate::scenario_options::ScenarioOptions;
 use motor_hub::regulator::identify::Identification;
@@ -43,15 +43,9 @@ impl Options {
             scenario = longer;
         }
         let learned = Identifications::new(scenario, trace).map_err(Failure::input)?;
-        if self.json {
-            print_json(&learned.json())?;
-        } else {
-            print(&learned.tables())?;
-        }
-        folder.write_all(drawn(&[("identify".to_owned(), learned.figure())]))?;
-        if !self.json {
-            print(&format!("The chart (SVG) is in {folder}\n"))?;
-        }
+        let files = drawn(&[("identify".to_owned(), learned.figure())]);
+        let json = self.json.then_some(|_: &[PathBuf]| learned.json());
+        folder.publish(files, "The chart (SVG) is", &learned.tables(), json)?;
         let known = |outcome: &Identification| matches!(outcome, Identification::Found(_));
         match learned.outcomes().filter(|outcome| !known(outcome)).count() {
             0 => Ok(()),

@@ -28,6 +28,7 @@ mod run;
 mod scenario_options;
 mod scheme_options;
 mod serve;
+#[cfg(unix)]
 mod served_hubs;
 mod soak;
 mod survey;

@@ -179,39 +179,28 @@ impl Folder {
         }
         Ok(written)
     }
+
+    /// Prints the text, writes the files, and says where they are: `what` is such as "Charts (SVG) are". With `json`
+    /// instead writes the files, and prints the document that `json` returns for their paths.
+    pub(crate) fn publish(
+        &self,
+        files: Files,
+        what: &str,
+        text: &str,
+        json: Option<impl FnOnce(&[PathBuf]) -> Value>,
+    ) -> Result<(), Failure> {
+        if let Some(document) = json {
+            return print_json(&document(&self.write_all(files)?));
+        }
+        print(text)?;
+        self.write_all(files)?;
+        print(&format!("{what} in {self}\n"))
+    }
 }
 
 /// Prints the paths of files, one a line.
 pub(crate) fn print_paths(files: &[PathBuf]) -> Result<(), Failure> {
     files.iter().try_for_each(|file| print(&format!("{}\n", file.display())))
-}
-
-/// Results of a study: charts, tables as Markdown, and a text for the terminal.
-pub(crate) struct Report<'a> {
-    pub(crate) figures: &'a [NamedFigure],
-    pub(crate) markdown: String,
-    pub(crate) text: String,
-}
-
-impl Report<'_> {
-    /// Writes charts and tables to a folder. Prints the text, or the JSON document that `json` returns for the paths of
-    /// the files.
-    pub(crate) fn publish(
-        self,
-        folder: &Folder,
-        json: Option<impl FnOnce(&[PathBuf]) -> Value>,
-    ) -> Result<(), Failure> {
-        if json.is_none() {
-            print(&self.text)?;
-        }
-        let mut files = drawn(self.figures);
-        files.push(("tables.md".to_owned(), self.markdown.into_bytes()));
-        let files = folder.write_all(files)?;
-        match json {
-            Some(document) => print_json(&document(&files)),
-            None => print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n")),
-        }
-    }
 }
 
 impl fmt::Display for Folder {

@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub run`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json, progress};
+use crate::output::{Failure, Folder, drawn, progress};
 use crate::parse::{run_seconds, whole};
 use crate::scenario_options::ScenarioOptions;
 use crate::scheme_options::SchemeOptions;
@@ -38,15 +38,8 @@ impl Options {
         let comparison = simulate(scenario).map_err(Failure::work)?;
         let mut files = drawn(&comparison.figures());
         files.extend(comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes())));
-        if !self.json {
-            print(&comparison.tables())?;
-        }
-        let files = folder.write_all(files)?;
-        if self.json {
-            print_json(&comparison.json(&files))?;
-        } else {
-            print(&format!("\nCharts (SVG) and traces (CSV) are in {folder}\n"))?;
-        }
+        let json = self.json.then_some(|files: &[PathBuf]| comparison.json(files));
+        folder.publish(files, "\nCharts (SVG) and traces (CSV) are", &comparison.tables(), json)?;
         let verdicts = comparison.verdicts();
         match verdicts.iter().filter(|verdict| !verdict.met()).count() {
             0 => Ok(()),

@@ -10,7 +10,7 @@ use crate::output::print_error_line;
 use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
-use crate::served_hubs::ServedHubFile;
+use crate::served_hubs::{self, ServedHubFile};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
@@ -255,7 +255,7 @@ fn loopback_if_unspecified(address: SocketAddr) -> SocketAddr {
 /// Writes a note for `client scan`. If this fails, the hub is served without a note.
 #[cfg(unix)]
 fn leave_note(place: &str) -> Option<ServedHubFile> {
-    let left = ServedHubFile::create(place);
+    let left = ServedHubFile::create(&served_hubs::folder(), place);
     left.map_err(|error| {
         print_error_line(&format!(
             "note: `client scan` will not find this hub unless its place is given: {error}"

@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub survey`.
 
-use crate::output::{Failure, Folder, Report, in_steps, print_paths};
+use crate::output::{Failure, Folder, drawn, in_steps, print_paths};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
@@ -91,8 +91,10 @@ impl Options {
         let parts =
             Parts { reference: reference.as_deref(), cells: cells.as_deref(), survey: survey.as_ref() };
         let page = text::page(parts, self.worst);
-        let report = Report { figures: &figures, markdown: page.markdown(), text: page.terminal() };
+        let mut files = drawn(&figures);
+        files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
         let document = |files: &[PathBuf]| json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
-        report.publish(&folder, self.json.then_some(document))
+        let json = self.json.then_some(document);
+        folder.publish(files, "Charts (SVG) and tables (Markdown) are", &page.terminal(), json)
     }
 }

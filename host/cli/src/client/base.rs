@@ -2,16 +2,16 @@
 
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
+use super::readings::repeat;
 use super::together::{enable_with_power_0, run_group};
 use crate::output::{Failure, print, print_error_line, print_json};
-use crate::parse::within_a_day;
+use crate::parse::{number, within_a_day};
 use motor_hub::extension::base::OdometryReport;
-use motor_hub::extension::group::GroupCourse;
-use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
+use motor_hub::group::{BaseSettings, DriveBase, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
 use motor_hub_client::base::{OdometryValues, Part};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after power-on, and the hub tries to read it
 /// once a second.
@@ -70,8 +70,7 @@ fn part(text: &str) -> Result<Part, String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| (0.001..=1e6).contains(number));
-    number.ok_or_else(|| "allowed is a number from 0.001 to 1000000".to_owned())
+    number("allowed", 0.001..=1e6, "")(text)
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -97,20 +96,12 @@ impl Options {
         base.map(Some).map_err(Failure::input)
     }
 
-    fn command(
-        &self,
-        base: &BaseSettings,
-        from: [i32; 2],
-        part: Part,
-    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), Failure> {
-        part.command(base, from, self.speed_mm_per_s, self.acceleration_mm_per_s2).map_err(Failure::input)
-    }
-
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
         let given = self.settings()?;
-        let check = |base: &BaseSettings| {
-            self.parts.iter().try_for_each(|part| self.command(base, [0; 2], *part).map(drop))
+        let command = |base: &BaseSettings, from: [i32; 2], part: &Part| {
+            part.command(base, from, self.speed_mm_per_s, self.acceleration_mm_per_s2).map_err(Failure::input)
         };
+        let check = |base| self.parts.iter().try_for_each(|part| command(base, [0; 2], part).map(drop));
         given.as_ref().map_or(Ok(()), check)?;
         let session = &mut hub.open(None)?;
         let base = match given {
@@ -127,13 +118,14 @@ impl Options {
             if given.is_some() {
                 driven.set_base(base)?;
             }
-            let mut at = await_gyro(driven)?.counts;
+            await_gyro(driven)?;
+            let mut at = driven.odometry()?.counts;
             enable_with_power_0(driven, &base.wheels)?;
             let (mut losses, mut is_implausible) = (0, false);
-            for &part in &self.parts {
+            for part in &self.parts {
                 // Each part begins at the target positions of the part before, so that errors of the parts do not add
                 // up.
-                let (to, wanted) = self.command(&base, at, part)?;
+                let (to, wanted) = command(&base, at, part)?;
                 if !run_group(driven, &base.wheels, wanted, self.length)? {
                     let seconds = self.length.unwrap_or_default().as_secs_f64();
                     return Err(Failure::Work(format!("{part:?} not finished after {seconds} s")));
@@ -161,22 +153,14 @@ impl Options {
 }
 
 /// Waits for the first reading of the gyro, if the base uses one.
-fn await_gyro(session: &mut Session) -> Result<OdometryReport, Failure> {
-    let end = Instant::now() + GYRO_START;
-    loop {
-        let report = session.odometry()?;
-        if report.gyro != GyroState::Waiting {
-            return Ok(report);
-        }
-        if Instant::now() > end {
-            print_error_line(
-                "warning: the gyro gives no readings; the base holds its heading by its encoders. Check that a BNO055 at address \
-                 0x28 is connected to I2C bus 0: `client i2c scan`",
-            );
-            return Ok(report);
-        }
-        super::interrupt::wait(Instant::now() + POLL)?;
+fn await_gyro(session: &mut Session) -> Result<(), Failure> {
+    if !repeat(POLL, Some(GYRO_START), |_| Ok(session.odometry()?.gyro != GyroState::Waiting))? {
+        print_error_line(
+            "warning: the gyro gives no readings; the base holds its heading by its encoders. Check that a BNO055 at address \
+             0x28 is connected to I2C bus 0: `client i2c scan`",
+        );
     }
+    Ok(())
 }
 
 /// Prints position and heading of the drive base.

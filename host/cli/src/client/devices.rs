@@ -2,6 +2,7 @@
 
 use super::hub::HubOptions;
 use super::interrupt;
+use super::readings::repeat;
 use crate::output::{Failure, print, print_as};
 use crate::parse::{byte_in, whole, within_a_day};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
@@ -12,7 +13,7 @@ use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
 use motor_hub_client::error::or_reason;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use studies::table;
 
 /// Interval between two packets that keep servos and digital outputs on.
@@ -62,25 +63,13 @@ fn keep_on(
     release: impl FnOnce(&mut Session) -> Result<(), Error>,
 ) -> Result<(), Failure> {
     interrupt::listen()?;
-    let kept = switch_on(session)
-        .map_err(Failure::from)
-        .and_then(|()| print(&format!("{line}\n")))
-        .and_then(|()| keep_alive(session, length));
+    let kept =
+        switch_on(session).map_err(Failure::from).and_then(|()| print(&format!("{line}\n"))).and_then(|()| {
+            repeat(KEEP_ON, length, |_| session.keep_alive().map(|()| false).map_err(Failure::from))
+        });
     let released = release(session);
     kept?;
     Ok(released?)
-}
-
-fn keep_alive(session: &mut Session, length: Option<Duration>) -> Result<(), Failure> {
-    let end = length.map(|length| Instant::now() + length);
-    loop {
-        let next = Instant::now() + KEEP_ON;
-        interrupt::wait(end.map_or(next, |end| end.min(next)))?;
-        if end.is_some_and(|end| end <= Instant::now()) {
-            return Ok(());
-        }
-        session.keep_alive()?;
-    }
 }
 
 /// Shows the servo outputs, or gives a servo pulses until the command ends

@@ -192,7 +192,7 @@ impl Drive {
                     Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
                 })?;
             if !settled {
-                progress.judge(motion.length)?;
+                progress.judge()?;
             }
             Ok(settled)
         })?;
@@ -214,7 +214,8 @@ pub(super) fn follow(
     let mut live = Live::new();
     let mut readings = 0u32;
     let mut unprinted_line = None;
-    let done = repeat(session, INTERVAL, length, |session, reading| {
+    let done = repeat(INTERVAL, length, |since| {
+        let reading = &Reading::take(session, since)?;
         let line = reading.line(motors, counts_per_turn);
         unprinted_line = None;
         if live.terminal {

@@ -2,9 +2,8 @@
 
 use super::drive::{INTERVAL, READINGS_PER_LINE};
 use super::hub::HubOptions;
-use super::interrupt;
 use super::motors_off::DrivingSession;
-use super::readings::Live;
+use super::readings::{Live, repeat};
 use crate::output::{Failure, print, print_json};
 use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
@@ -17,7 +16,7 @@ use motor_hub::units::Acceleration;
 use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
 use serde_json::{Value, json};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use studies::identify::{self, found_table, words};
 use studies::{table, with_fields};
 
@@ -134,43 +133,39 @@ pub(super) fn identify(
     travel: u32,
     shows_progress: bool,
 ) -> Result<Identification, Failure> {
-    DrivingSession::run(session, |driven| turn(driven, motor, travel, shows_progress))
-}
-
-/// Turns the motor until its identification ends.
-fn turn(
-    driven: &mut DrivingSession<'_>,
-    motor: u8,
-    travel: u32,
-    shows_progress: bool,
-) -> Result<Identification, Failure> {
     let show = |text: &str| if shows_progress { print(text) } else { Ok(()) };
-    let mut identifying = Identifying::begin(driven, motor, travel)?;
-    driven.enable(motor)?;
     let mut live = Live::new();
-    let end = Instant::now() + LONGEST;
     let mut readings = 0u32;
-    while Instant::now() < end {
-        match identifying.step(driven)? {
-            Progress::Braking => (),
-            Progress::Started(travel) => {
-                show(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
-            }
-            Progress::Turning(percent) => {
-                let progress = format!("{percent} %\n");
-                readings += 1;
-                if live.terminal && shows_progress {
-                    live.redraw(&progress)?;
-                } else if readings.is_multiple_of(READINGS_PER_LINE) {
-                    show(&progress)?;
+    let mut ended = None;
+    DrivingSession::run(session, |driven| {
+        let mut identifying = Identifying::begin(driven, motor, travel)?;
+        driven.enable(motor)?;
+        repeat(INTERVAL, Some(LONGEST), |_| {
+            match identifying.step(driven)? {
+                Progress::Braking => (),
+                Progress::Started(travel) => {
+                    show(&format!(
+                        "motor {motor}: turns at most {travel} counts either way, for some 3 s\n"
+                    ))?;
                 }
+                Progress::Turning(percent) => {
+                    let progress = format!("{percent} %\n");
+                    readings += 1;
+                    if live.terminal && shows_progress {
+                        live.redraw(&progress)?;
+                    } else if readings.is_multiple_of(READINGS_PER_LINE) {
+                        show(&progress)?;
+                    }
+                }
+                Progress::Ended(outcome) => ended = Some(outcome),
             }
-            Progress::Ended(outcome) => return Ok(outcome),
-        }
-        interrupt::wait(Instant::now() + INTERVAL)?;
-    }
-    let seconds = LONGEST.as_secs();
-    Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")))
+            Ok(ended.is_some())
+        })?;
+        ended.ok_or_else(|| {
+            let seconds = LONGEST.as_secs();
+            Failure::Work(format!("motor {motor} was not identified within {seconds} s"))
+        })
+    })
 }
 
 /// Returns the dynamics and the acceleration limit of a motor as rows of a table.

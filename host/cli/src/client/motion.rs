@@ -100,9 +100,8 @@ const VELOCITY_SHARE: f64 = 0.05;
 const VELOCITY_CPS: f64 = 40.0;
 
 /// Progress of motors towards their set-point.
-pub(super) struct Progress {
-    setpoint: Setpoint,
-    motors: Vec<u8>,
+pub(super) struct Progress<'a> {
+    motion: &'a Motion,
     /// Decides whether the motors have settled. It is used for hubs that send no reports.
     settle_detector: SettleDetector,
     /// Time between two readings.
@@ -110,19 +109,12 @@ pub(super) struct Progress {
     velocities: VecDeque<(Duration, [i16; 4])>,
 }
 
-impl Progress {
+impl<'a> Progress<'a> {
     /// `interval` is the time between two readings.
-    pub(super) fn new(motion: &Motion, interval: Duration) -> Self {
-        let Motion { setpoint, ref motors, .. } = *motion;
+    pub(super) fn new(motion: &'a Motion, interval: Duration) -> Self {
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
         let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
-        Self {
-            setpoint,
-            motors: motors.clone(),
-            settle_detector: SettleDetector::default(),
-            interval,
-            velocities: VecDeque::new(),
-        }
+        Self { motion, settle_detector: SettleDetector::default(), interval, velocities: VecDeque::new() }
     }
 
     /// Takes a reading. `at` is the time of the reading since the start. Returns true once all motors have settled at a
@@ -132,29 +124,27 @@ impl Progress {
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
         }
-        if !matches!(self.setpoint, Setpoint::Position { .. }) {
-            return false;
-        }
+        let Motion { setpoint: Setpoint::Position { .. }, motors, .. } = self.motion else { return false };
         if let Some(report) = report {
             let settled = |motor: &u8| report.motors.get(usize::from(*motor)).is_some_and(|of| of.settled);
-            return self.motors.iter().all(settled);
+            return motors.iter().all(settled);
         }
-        let within_tolerance = motors_of(bulk, &self.motors).all(|reading| reading.within_tolerance);
-        let fastest = motors_of(bulk, &self.motors).map(|reading| i32::from(reading.velocity).abs()).max();
+        let within_tolerance = motors_of(bulk, motors).all(|reading| reading.within_tolerance);
+        let fastest = motors_of(bulk, motors).map(|reading| i32::from(reading.velocity).abs()).max();
         let fastest = CountsPerSecond::new(fastest.unwrap_or_default());
         self.settle_detector.step(within_tolerance, fastest, self.interval)
     }
 
     /// Fails if the motors have not reached the set-point when the time is over. For a velocity the error names the
     /// motors that missed it.
-    pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
+    pub(super) fn judge(&self) -> Result<(), Failure> {
+        let Motion { motors, setpoint, length, .. } = self.motion;
         let seconds = length.unwrap_or_default().as_secs_f64();
-        match self.setpoint {
+        match *setpoint {
             Setpoint::Power(_) | Setpoint::Current { .. } => Ok(()),
             Setpoint::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
             Setpoint::Velocity(wanted) => {
-                let missed: Vec<String> =
-                    self.motors.iter().filter_map(|m| self.missed(*m, wanted)).collect();
+                let missed: Vec<String> = motors.iter().filter_map(|m| self.missed(*m, wanted)).collect();
                 if missed.is_empty() {
                     return Ok(());
                 }
@@ -180,35 +170,47 @@ mod tests {
     use super::*;
     use motor_hub::extension::report::MotorReport;
 
-    fn progress(setpoint: Setpoint, velocities: &[i16]) -> Progress {
-        let motion = Motion { motors: vec![0], setpoint, zero: ZeroPower::Brake, length: None };
-        let mut progress = Progress::new(&motion, Duration::from_millis(50));
-        for (n, cps) in (0u64..).zip(velocities) {
-            let bulk = Bulk { velocities: [*cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
-            progress.observe(Duration::from_millis(100 * n), &bulk, None);
-        }
-        progress
+    /// A position that motors settle at.
+    const POSITION: Setpoint = Setpoint::Position { counts: 0, tolerance: 5, speed_limit: 1000 };
+
+    /// A motion of motor 0.
+    fn motion(setpoint: Setpoint) -> Motion {
+        Motion { motors: vec![0], setpoint, zero: ZeroPower::Brake, length: None }
+    }
+
+    fn progress(motion: &Motion) -> Progress<'_> {
+        Progress::new(motion, Duration::from_millis(50))
+    }
+
+    fn bulk(cps: i16) -> Bulk {
+        Bulk { velocities: [cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() }
     }
 
     #[test]
     fn a_velocity_is_reached_within_a_twentieth_or_two_counts_a_period() {
-        for (wanted, is, reached) in
-            [(1000, 951, true), (1000, 949, false), (1000, 1051, false), (100, 60, true), (100, 59, false)]
-        {
-            let judged = progress(Setpoint::Velocity(wanted), &[is; 9]).judge(None).is_ok();
-            assert_eq!(judged, reached, "{wanted} {is}");
+        // The readings of an acceleration are older than 0.5 s and do not count.
+        let accelerates = [0, 200, 500, 500, 500, 500, 500, 500];
+        for (wanted, velocities, reached) in [
+            (1000, &[951; 9][..], true),
+            (1000, &[949; 9], false),
+            (1000, &[1051; 9], false),
+            (100, &[60; 9], true),
+            (100, &[59; 9], false),
+            (500, &accelerates, true),
+        ] {
+            let motion = motion(Setpoint::Velocity(wanted));
+            let mut progress = progress(&motion);
+            for (n, cps) in (0..).zip(velocities) {
+                progress.observe(Duration::from_millis(100 * n), &bulk(*cps), None);
+            }
+            assert_eq!(progress.judge().is_ok(), reached, "{wanted} {velocities:?}");
         }
-        // The readings of the acceleration are older than 0.5 s and do not count.
-        assert!(
-            progress(Setpoint::Velocity(500), &[0, 200, 500, 500, 500, 500, 500, 500]).judge(None).is_ok()
-        );
     }
 
     #[test]
     fn a_motor_that_rushes_through_its_target_has_not_settled() {
-        let position = Setpoint::Position { counts: 0, tolerance: 5, speed_limit: 1000 };
-        let bulk = |cps| Bulk { velocities: [cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
-        let mut progress = progress(position, &[]);
+        let motion = motion(POSITION);
+        let mut progress = progress(&motion);
         let at = |n: u64| Duration::from_millis(50 * n);
         assert!(!progress.observe(at(0), &bulk(900), None));
         assert!(!progress.observe(at(1), &bulk(20), None));
@@ -217,16 +219,15 @@ mod tests {
 
     #[test]
     fn a_hub_that_reports_says_itself_whether_a_motor_has_settled() {
-        let position = Setpoint::Position { counts: 0, tolerance: 5, speed_limit: 1000 };
-        let bulk = Bulk { within_tolerance: [true; 4], ..Bulk::default() };
+        let motion = motion(POSITION);
+        let mut progress = progress(&motion);
         let report = |settled| HubReport {
             motors: [MotorReport { settled, ..MotorReport::default() }].into_iter().collect(),
             ..HubReport::default()
         };
-        let mut progress = progress(position, &[]);
         for _ in 0..10 {
-            assert!(!progress.observe(Duration::ZERO, &bulk, Some(&report(false))));
+            assert!(!progress.observe(Duration::ZERO, &bulk(0), Some(&report(false))));
         }
-        assert!(progress.observe(Duration::ZERO, &bulk, Some(&report(true))));
+        assert!(progress.observe(Duration::ZERO, &bulk(0), Some(&report(true))));
     }
 }

@@ -198,48 +198,24 @@ impl Live {
     }
 }
 
-/// Takes a reading immediately and then every `interval`. Ends with `Ok(true)` when `each` returns true, and with
-/// `Ok(false)` when `length` is over.
+/// Calls `each` with the time of its first call, immediately and then every `interval`. Ends with `Ok(true)` when `each`
+/// returns true, and with `Ok(false)` when `length` is over. Fails as soon as a signal has been received.
 pub(crate) fn repeat(
-    session: &mut Session,
     interval: Duration,
     length: Option<Duration>,
-    mut each: impl FnMut(&mut Session, &Reading) -> Result<bool, Failure>,
+    mut each: impl FnMut(Instant) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
-    let mut schedule = Schedule::new(interval, length);
-    loop {
-        let reading = Reading::take(session, schedule.since)?;
-        if each(session, &reading)? {
-            return Ok(true);
-        }
-        if !schedule.wait()? {
+    let since = Instant::now();
+    let end = length.map(|length| since + length);
+    let mut next = since;
+    while !each(since)? {
+        // After a call that took longer than the interval the next call follows immediately. Missed calls are not made
+        // up for.
+        next = Instant::now().max(next + interval);
+        interrupt::wait(end.map_or(next, |end| end.min(next)))?;
+        if end.is_some_and(|end| end <= Instant::now()) {
             return Ok(false);
         }
     }
-}
-
-/// Times of repeated readings.
-pub(super) struct Schedule {
-    /// Time of the first reading.
-    pub(super) since: Instant,
-    next: Instant,
-    interval: Duration,
-    end: Option<Instant>,
-}
-
-impl Schedule {
-    /// Makes a schedule of readings from now on, every `interval`, until `length` is over. `None` is no end.
-    pub(super) fn new(interval: Duration, length: Option<Duration>) -> Self {
-        let since = Instant::now();
-        Self { since, next: since, interval, end: length.map(|length| since + length) }
-    }
-
-    /// Waits until the next reading is due or the time is over. Returns false if the time is over.
-    pub(super) fn wait(&mut self) -> Result<bool, Failure> {
-        // After a reading that took longer than the interval the next reading follows immediately. Missed readings are
-        // not made up for.
-        self.next = Instant::now().max(self.next + self.interval);
-        interrupt::wait(self.end.map_or(self.next, |end| end.min(self.next)))?;
-        Ok(self.end.is_none_or(|end| end > Instant::now()))
-    }
+    Ok(true)
 }

@@ -4,7 +4,7 @@ use super::drive::Drive;
 use super::hub::HubOptions;
 use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
-use super::readings::{MotorReading, Schedule, motors_of};
+use super::readings::{MotorReading, motors_of, repeat};
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
@@ -70,16 +70,21 @@ impl Options {
         let (motion, _) = drive.motion()?;
         let folder = Folder::new(&self.out)?;
         let session = &mut hub.open(drive.hub())?;
-        let mut progress = Progress::new(&motion, Duration::from_secs(1) / self.rate);
+        let interval = Duration::from_secs(1) / self.rate;
+        let mut progress = Progress::new(&motion, interval);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
         let mut recorder = Recorder::new(&self.out, &words, &motion)?;
-        let interval = Duration::from_secs(1) / self.rate;
         let done = DrivingSession::run(session, |driven| {
             motion.begin(driven)?;
-            if !recorder.run(driven, &motion, &mut progress, interval)? {
-                progress.judge(motion.length)?;
-            }
-            Ok(())
+            let mut checked = Instant::now();
+            let settled = repeat(interval, motion.length, |since| {
+                if checked.elapsed() > CHECK {
+                    motion.check(driven)?;
+                    checked = Instant::now();
+                }
+                recorder.read(driven, &motion, since, &mut progress)
+            })?;
+            if settled { Ok(()) } else { progress.judge() }
         });
         recorder.finish(&folder)?;
         done
@@ -120,39 +125,15 @@ impl Recorder {
         })
     }
 
-    /// Takes readings until the motors have settled or the time is over. Returns true if the motors have settled.
-    fn run(
-        &mut self,
-        session: &mut Session,
-        motion: &Motion,
-        progress: &mut Progress,
-        interval: Duration,
-    ) -> Result<bool, Failure> {
-        let mut schedule = Schedule::new(interval, motion.length);
-        let mut checked = schedule.since;
-        loop {
-            let begun = Instant::now();
-            if self.read(session, motion, schedule.since, progress)? {
-                return Ok(true);
-            }
-            self.slowest = self.slowest.max(begun.elapsed());
-            if checked.elapsed() > CHECK {
-                motion.check(session)?;
-                checked = Instant::now();
-            }
-            if !schedule.wait()? {
-                return Ok(false);
-            }
-        }
-    }
-
+    /// Takes a reading. Returns true if the motors have settled.
     fn read(
         &mut self,
         session: &mut Session,
         motion: &Motion,
         since: Instant,
-        progress: &mut Progress,
+        progress: &mut Progress<'_>,
     ) -> Result<bool, Failure> {
+        let begun = Instant::now();
         let report = session.report()?;
         let bulk = match &report {
             Some(report) => bulk_of(report),
@@ -180,6 +161,7 @@ impl Recorder {
         let written = self.file.write_all(rows.as_bytes());
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
+        self.slowest = self.slowest.max(begun.elapsed());
         Ok(progress.observe(at, &bulk, report.as_ref()))
     }
 

@@ -4,6 +4,7 @@ use super::devices::{equipment_json, equipment_text};
 use super::motors_off::disable_left_enabled;
 use super::ports;
 use crate::output::{Failure, print, print_error_line, print_json};
+#[cfg(unix)]
 use crate::served_hubs::{self, ServedHub};
 use clap::builder::NonEmptyStringValueParser;
 use motor_hub::board::Equipment;
@@ -118,11 +119,8 @@ impl Options {
                 places.push(place);
             }
         }
-        let served = served_hubs::all().unwrap_or_else(|error| {
-            print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
-            Vec::new()
-        });
-        for ServedHub { place: name, has_host } in served {
+        #[cfg(unix)]
+        for ServedHub { place: name, has_host } in served_hubs() {
             let served = Place::new(name, Some(has_host));
             match places.iter_mut().find(|place| place.is_same(&served)) {
                 Some(place) => place.served = served.served,
@@ -157,6 +155,15 @@ impl Options {
             _ => Ok(()),
         }
     }
+}
+
+/// Returns the hubs that this user serves on this machine.
+#[cfg(unix)]
+fn served_hubs() -> Vec<ServedHub> {
+    served_hubs::all(&served_hubs::folder()).unwrap_or_else(|error| {
+        print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
+        Vec::new()
+    })
 }
 
 /// Returns a table of the places and their hubs.

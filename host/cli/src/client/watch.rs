@@ -3,7 +3,7 @@
 use super::drive;
 use super::hub::HubOptions;
 use super::motors_off::disable_left_enabled;
-use super::readings::{Live, repeat};
+use super::readings::{Live, Reading, repeat};
 use super::shaft_speed::ShaftOptions;
 use crate::output::{Failure, print, versioned};
 use crate::parse::{whole, within_a_day};
@@ -36,7 +36,8 @@ impl Options {
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
         let mut checked = Instant::now();
-        repeat(session, interval, self.length, |session, reading| {
+        repeat(interval, self.length, |since| {
+            let reading = Reading::take(session, since)?;
             if checked.elapsed() > CHECK {
                 disable_left_enabled(session)?;
                 checked = Instant::now();
