@@ -26,7 +26,7 @@ pub(crate) const READINGS_PER_LINE: u32 = 10;
 
 /// Options of all four commands.
 #[derive(clap::Args)]
-struct Common {
+pub(crate) struct Common {
     /// Motor 0 to 3, several as 0,2, or all; of another hub of a chain as 3:0 or 3:all
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
@@ -64,34 +64,10 @@ fn motors(text: &str) -> Result<Motors, String> {
     Ok(Motors { hub, numbers: numbers.into_iter().collect() })
 }
 
-/// Runs motors with constant power, then disables them
-#[derive(clap::Args)]
-pub(crate) struct PowerOptions {
-    #[command(flatten)]
-    common: Common,
-    /// Share of full power, -1 to 1; positive makes the encoder count up
-    #[arg(value_name = "VALUE", value_parser = power)]
-    value: Control,
-}
-
 pub(super) fn power(text: &str) -> Result<Control, String> {
     let share = text.parse().ok().filter(|share: &f64| (-1.0..=1.0).contains(share));
     let power = share.map(|share| Control::new((share * f64::from(Control::MAX.get())).round() as i16));
     power.ok_or("a power is a share of full power, -1 to 1".to_owned())
-}
-
-/// Runs motors with a constant current, which is a constant torque, then disables them, on hubs of this project
-#[derive(clap::Args)]
-pub(crate) struct CurrentOptions {
-    #[command(flatten)]
-    common: Common,
-    /// Current in amperes, -65.535 to 65.535; positive makes the encoder count up
-    #[arg(value_name = "AMPERES", value_parser = milliamperes)]
-    ma: i32,
-    /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
-    #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT_CPS)]
-    #[arg(value_parser = whole("a speed limit", SPEED_LIMITS_CPS, "counts/s"))]
-    speed_limit: u16,
 }
 
 /// Parses amperes, and returns milliamperes.
@@ -100,52 +76,64 @@ fn milliamperes(text: &str) -> Result<i32, String> {
     constant_current_ma(amperes).map_err(|error| error.to_string())
 }
 
-/// Runs motors with regulated velocity, then disables them
-///
-/// With --for-s the command fails (exit code 1) if a motor misses the speed at the end. The mean speed over the last
-/// 0.5 s may differ by 5 % of the speed, and always by 40 counts/s.
-#[derive(clap::Args)]
-pub(crate) struct VelocityOptions {
-    #[command(flatten)]
-    common: Common,
-    /// Speed in counts per second, -32768 to 32767; or of the output shaft, as 30rpm or 3.1rad/s
-    #[arg(value_name = "SPEED", allow_hyphen_values = true)]
-    speed: Speed,
-}
-
-/// Moves motors to a position, then disables them
-#[derive(clap::Args)]
-pub(crate) struct PositionOptions {
-    #[command(flatten)]
-    common: Common,
-    /// Target position in counts
-    #[arg(value_name = "COUNTS", value_parser = whole("a position", i32::MIN..=i32::MAX, "counts"))]
-    counts: i32,
-    /// Largest distance to the target, in counts, at which a motor can settle
-    #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = 5)]
-    #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
-    tolerance: u16,
-    /// Speed limit in counts per second, or as 30rpm or 3.1rad/s
-    #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
-    speed: Speed,
-}
-
 /// The commands that make motors turn.
 #[derive(clap::Subcommand)]
 pub(crate) enum Drive {
-    Power(PowerOptions),
-    Current(CurrentOptions),
-    Velocity(VelocityOptions),
-    Position(PositionOptions),
+    /// Runs motors with constant power, then disables them
+    Power {
+        #[command(flatten)]
+        common: Common,
+        /// Share of full power, -1 to 1; positive makes the encoder count up
+        #[arg(value_name = "VALUE", value_parser = power)]
+        value: Control,
+    },
+    /// Runs motors with a constant current, which is a constant torque, then disables them, on hubs of this project
+    Current {
+        #[command(flatten)]
+        common: Common,
+        /// Current in amperes, -65.535 to 65.535; positive makes the encoder count up
+        #[arg(value_name = "AMPERES", value_parser = milliamperes)]
+        ma: i32,
+        /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
+        #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT_CPS)]
+        #[arg(value_parser = whole("a speed limit", SPEED_LIMITS_CPS, "counts/s"))]
+        speed_limit: u16,
+    },
+    /// Runs motors with regulated velocity, then disables them
+    ///
+    /// With --for-s the command fails (exit code 1) if a motor misses the speed at the end. The mean speed over the last
+    /// 0.5 s may differ by 5 % of the speed, and always by 40 counts/s.
+    Velocity {
+        #[command(flatten)]
+        common: Common,
+        /// Speed in counts per second, -32768 to 32767; or of the output shaft, as 30rpm or 3.1rad/s
+        #[arg(value_name = "SPEED", allow_hyphen_values = true)]
+        speed: Speed,
+    },
+    /// Moves motors to a position, then disables them
+    Position {
+        #[command(flatten)]
+        common: Common,
+        /// Target position in counts
+        #[arg(value_name = "COUNTS", value_parser = whole("a position", i32::MIN..=i32::MAX, "counts"))]
+        counts: i32,
+        /// Largest distance to the target, in counts, at which a motor can settle
+        #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = 5)]
+        #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
+        tolerance: u16,
+        /// Speed limit in counts per second, or as 30rpm or 3.1rad/s
+        #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
+        speed: Speed,
+    },
 }
 
 impl Drive {
     const fn common(&self) -> &Common {
         match self {
-            Self::Power(options) => &options.common,
-            Self::Current(options) => &options.common,
-            Self::Velocity(options) => &options.common,
-            Self::Position(options) => &options.common,
+            Self::Power { common, .. }
+            | Self::Current { common, .. }
+            | Self::Velocity { common, .. }
+            | Self::Position { common, .. } => common,
         }
     }
 
@@ -158,11 +146,11 @@ impl Drive {
     pub(super) fn motion(&self) -> Result<(Motion, Option<f64>), Failure> {
         let common = self.common();
         let counts_per_turn = common.shaft.counts()?;
-        let setpoint = match self {
-            Self::Power(options) => Setpoint::Power(options.value),
-            &Self::Current(CurrentOptions { ma, speed_limit, .. }) => Setpoint::Current { ma, speed_limit },
-            Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(counts_per_turn)?),
-            &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
+        let setpoint = match *self {
+            Self::Power { value, .. } => Setpoint::Power(value),
+            Self::Current { ma, speed_limit, .. } => Setpoint::Current { ma, speed_limit },
+            Self::Velocity { speed, .. } => Setpoint::Velocity(speed.cps(counts_per_turn)?),
+            Self::Position { counts, tolerance, speed, .. } => {
                 let speed_limit = speed.cps(counts_per_turn)?;
                 if speed_limit < 1 {
                     return Err(Failure::Input(format!(
