@@ -152,11 +152,13 @@ impl Session {
 
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
-        if self.interfaces().reports_nothing {
+        if self.reporting_nothing.contains(&self.address) {
             return Ok(None);
         }
         let report = none_if_unsupported(self.request(HubFunction::Report))?;
-        self.interfaces().reports_nothing = report.is_none();
+        if report.is_none() {
+            self.reporting_nothing.insert(self.address);
+        }
         Ok(report)
     }
 

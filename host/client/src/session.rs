@@ -5,14 +5,14 @@ use crate::OpenError;
 use crate::clock::Instant;
 use crate::{Error, Line};
 use motor_hub::chain::ChainReport;
-use motor_hub::extension::{INTERFACE, Request};
+use motor_hub::extension::Request;
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::ErrorKind;
 use std::thread;
 use std::time::Duration;
@@ -73,20 +73,10 @@ pub struct Session {
     /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,
-    /// Interfaces of the hubs to which the session has sent requests, by address. Each hub may number its functions
-    /// differently.
-    interfaces: BTreeMap<u8, Interfaces>,
-}
-
-/// Interfaces of a hub, as the hub has reported them.
-#[derive(Debug, Default)]
-pub(crate) struct Interfaces {
-    /// Packet types of the motor interface; `None` until the hub was asked.
-    motors: Option<Functions>,
-    /// Packet types of the extension; `None` until the hub was asked.
-    extension: Option<Functions>,
-    /// True once the hub has refused [`Session::report`], so that later calls need not ask again.
-    pub(crate) reports_nothing: bool,
+    /// Packet types that hubs have reported, by address and interface. Each hub may number its functions differently.
+    functions: BTreeMap<(u8, &'static [u8]), Functions>,
+    /// Addresses of hubs that have refused [`Session::report`], so that later calls need not ask again.
+    pub(crate) reporting_nothing: BTreeSet<u8>,
 }
 
 impl Session {
@@ -120,7 +110,8 @@ impl Session {
             timeout,
             number: 0,
             address: address.get(),
-            interfaces: BTreeMap::new(),
+            functions: BTreeMap::new(),
+            reporting_nothing: BTreeSet::new(),
         }
     }
 
@@ -171,14 +162,10 @@ impl Session {
         self.address = address.get();
     }
 
-    /// Interfaces of the hub of this session.
-    pub(crate) fn interfaces(&mut self) -> &mut Interfaces {
-        self.interfaces.entry(self.address).or_default()
-    }
-
-    /// Deletes the interfaces of the hub at `address`, because another hub may have this address now.
+    /// Deletes what the hub at `address` has reported of itself, because another hub may have this address now.
     pub(crate) fn forget(&mut self, address: u8) {
-        self.interfaces.remove(&address);
+        self.functions.retain(|(of, _), _| *of != address);
+        self.reporting_nothing.remove(&address);
     }
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
@@ -370,15 +357,13 @@ impl Session {
     /// hub once for these numbers.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
-        let Interfaces { motors, extension, .. } = *self.interfaces();
-        let known = if interface == INTERFACE { extension } else { motors };
-        let functions = match known {
-            Some(functions) => functions,
+        let key = (self.address, interface);
+        let functions = match self.functions.get(&key) {
+            Some(functions) => *functions,
             None => {
                 let name = InterfaceName::from_slice(interface).expect("a short name");
                 let functions = self.request(Standard::QueryInterface { name })?;
-                let Interfaces { motors, extension, .. } = self.interfaces();
-                *(if interface == INTERFACE { extension } else { motors }) = Some(functions);
+                self.functions.insert(key, functions);
                 functions
             }
         };
