@@ -2,7 +2,7 @@
 
 use crate::browser::page::{
     ENTER, ESCAPE, SPACE, card, drive, live, motor, mouse, off, point, with_driver_and_viewer, with_page,
-    with_page_of, with_two_pages_in,
+    with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
 use crate::common::{alone, made_folder, signal, wait_for};
@@ -140,9 +140,7 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
         signal(painter, "-STOP");
         stopped = Some(Stopped(painter));
     };
-    let own = |program: &Path| Browser::own(program, "unpainted");
-    let says = "showed no new values for 1 s";
-    with_two_pages_in(own, "unpainted", stop_painting, says, Duration::from_secs(3));
+    with_two_pages("unpainted", stop_painting, "showed no new values for 1 s", Duration::from_secs(3));
     drop(stopped);
 }
 
@@ -227,7 +225,7 @@ fn run_after_stop_needs_a_new_speed() {
 
 #[test]
 fn a_page_that_only_watches_shows_the_speed_that_runs() {
-    with_driver_and_viewer(Browser::shared, |mut driver, mut viewer| {
+    with_driver_and_viewer(|mut driver, mut viewer| {
         let shows = |tab: &mut Tab<'_>, what: &str, value: &str| {
             tab.wait(&format!("document.querySelector('{}').value === '{value}'", card(0, what)));
         };
@@ -357,7 +355,7 @@ fn the_browser_is_started_without_the_token_in_the_process_list() {
     assert_eq!(mode & 0o777, 0o600, "{}", file.display());
     if let Some(program) = find() {
         let _alone = alone();
-        let mut browser = Browser::shared(&program);
+        let mut browser = Browser::start(&program);
         let mut tab = browser.open(&format!("file://{}", file.display()), 1280, 1000);
         live(&mut tab);
     }

@@ -21,7 +21,7 @@ fn with_file(test: impl FnOnce(&mut Tab<'_>)) {
     let file =
         file.unwrap_or_else(|error| panic!("docs/try/index.html: {error}; `cargo xtask try` makes it"));
     let _alone = alone();
-    let mut browser = Browser::shared(&program);
+    let mut browser = Browser::start(&program);
     let mut tab = browser.open(&format!("file://{}", file.display()), 1366, 768);
     tab.wait("window.dashboard?.state.frame?.battery_v > 11 && dashboard.state.settings.length === 4");
     test(&mut tab);

@@ -9,7 +9,7 @@ use std::io::{ErrorKind, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tungstenite::{Error, Message, WebSocket, client};
 
@@ -42,18 +42,23 @@ const POLL: Duration = Duration::from_millis(20);
 const KEEPER: &str = r#"trap '' INT; "$@" & read -r end; kill -KILL $!; wait; rm -rf "$PROFILE""#;
 
 /// A running Chromium with an empty profile. It ends with this value, or with the process of the tests.
-struct Process {
+pub(crate) struct Browser {
     /// The shell that runs [`KEEPER`].
     keeper: Child,
-    /// Address of the browser's DevTools on this machine.
-    port: u16,
-    /// Path of the browser's DevTools socket.
-    path: String,
+    /// The browser's DevTools.
+    socket: WebSocket<TcpStream>,
+    number: u64,
+    /// Events that have arrived, except packets of WebSockets.
+    events: Vec<Value>,
+    /// True if a server has told a page that the page in control showed nothing for 1 s.
+    was_starved: bool,
 }
 
-impl Process {
-    fn start(program: &Path, name: &str) -> Self {
-        let folder = folder(&format!("browser-{name}-{}", std::process::id()));
+impl Browser {
+    pub(crate) fn start(program: &Path) -> Self {
+        static STARTED: AtomicU32 = AtomicU32::new(0);
+        let number = STARTED.fetch_add(1, Ordering::Relaxed);
+        let folder = folder(&format!("browser-{}-{number}", std::process::id()));
         let keeper = Command::new("sh")
             .args(["-c", KEEPER, "sh"])
             .arg(program)
@@ -68,79 +73,23 @@ impl Process {
             .stderr(Stdio::null())
             .spawn()
             .expect("the browser starts");
-        // The browser writes its port and the path of its socket to this file.
+        // The browser writes the port and the path of its DevTools to this file.
         let file = folder.join("DevToolsActivePort");
         let (port, path) = wait_for("the browser's port", || {
             let text = std::fs::read_to_string(&file).ok()?;
             let (port, path) = text.split_once('\n')?;
             Some((port.parse::<u16>().ok()?, path.trim().to_owned()))
         });
-        Self { keeper, port, path }
-    }
-
-    /// A connection to the browser's DevTools; `None` if the browser has ended.
-    fn connect(&self) -> Option<WebSocket<TcpStream>> {
-        let stream = TcpStream::connect(("127.0.0.1", self.port)).ok()?;
+        let stream = TcpStream::connect(("127.0.0.1", port)).expect("the browser listens");
         stream.set_nodelay(true).expect("at once");
-        let (socket, _) = client(format!("ws://127.0.0.1:{}{}", self.port, self.path), stream).ok()?;
+        let (socket, _) = client(format!("ws://127.0.0.1:{port}{path}"), stream).expect("a socket");
         socket.get_ref().set_read_timeout(Some(Duration::from_millis(20))).expect("a timeout");
-        Some(socket)
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        drop(self.keeper.stdin.take());
-        let _ = self.keeper.wait();
-    }
-}
-
-/// Windows of one test: in the browser that all tests share, or in a browser of their own.
-pub(crate) struct Browser {
-    socket: WebSocket<TcpStream>,
-    /// The context of this test. It has no cookies, no storage and no windows of other tests.
-    context: Value,
-    number: u64,
-    /// Events that have arrived, except packets of WebSockets.
-    events: Vec<Value>,
-    /// True if a server has told a page that the page in control showed nothing for 1 s.
-    was_starved: bool,
-    /// Browser of this test alone; `None` in the shared browser.
-    own: Option<Process>,
-}
-
-impl Browser {
-    /// A context of its own in the browser that all tests share.
-    pub(crate) fn shared(program: &Path) -> Self {
-        /// The operating system closes the keeper's standard input when the process of the tests ends.
-        static SHARED: Mutex<Option<Process>> = Mutex::new(None);
-        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
-        let socket = shared.as_ref().and_then(Process::connect).unwrap_or_else(|| {
-            let process = shared.insert(Process::start(program, "shared"));
-            process.connect().expect("the browser listens")
-        });
-        Self::new(socket, None)
+        Self { keeper, socket, number: 0, events: Vec::new(), was_starved: false }
     }
 
-    /// A browser of its own, for a test that stops the whole browser.
-    pub(crate) fn own(program: &Path, name: &str) -> Self {
-        let process = Process::start(program, name);
-        let socket = process.connect().expect("the browser listens");
-        Self::new(socket, Some(process))
-    }
-
-    fn new(socket: WebSocket<TcpStream>, own: Option<Process>) -> Self {
-        let mut browser =
-            Self { socket, context: Value::Null, number: 0, events: Vec::new(), was_starved: false, own };
-        let made = browser.call(None, "Target.createBrowserContext", json!({ "disposeOnDetach": true }));
-        browser.context = made["browserContextId"].clone();
-        browser
-    }
-
-    /// A new window of this context without content, by its number.
-    fn window(&mut self) -> Value {
-        let window = json!({ "url": "about:blank", "browserContextId": self.context });
-        self.call(None, "Target.createTarget", window)["targetId"].clone()
+    /// A new tab without content, by its number.
+    fn tab(&mut self) -> Value {
+        self.call(None, "Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone()
     }
 
     /// Sends a command, and returns its result.
@@ -188,11 +137,10 @@ impl Browser {
 
     /// A tab of this size, at an address.
     pub(crate) fn open(&mut self, url: &str, width: u32, height: u32) -> Tab<'_> {
-        let target = self.window();
-        let attached =
-            self.call(None, "Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
+        let target = json!({ "targetId": self.tab(), "flatten": true });
+        let attached = self.call(None, "Target.attachToTarget", target);
         let session = attached["sessionId"].as_str().expect("a session").to_owned();
-        let mut tab = Tab { browser: self, session, target };
+        let mut tab = Tab { browser: self, session };
         for domain in ["Page", "Runtime", "Log", "Network"] {
             tab.call(&format!("{domain}.enable"), json!({}));
         }
@@ -203,28 +151,9 @@ impl Browser {
 }
 
 impl Drop for Browser {
-    /// Closes the windows of this test before the next test begins.
     fn drop(&mut self) {
-        if self.own.is_some() {
-            return;
-        }
-        self.number += 1;
-        let command = json!({
-            "id": self.number, "method": "Target.disposeBrowserContext",
-            "params": { "browserContextId": self.context },
-        });
-        let end = Instant::now() + Duration::from_secs(5);
-        let mut answered = self.socket.send(Message::text(command.to_string())).is_err();
-        while !answered && Instant::now() < end {
-            answered = match self.socket.read() {
-                Ok(Message::Text(text)) => {
-                    serde_json::from_str(&text).is_ok_and(|message: Value| message["id"] == self.number)
-                }
-                Ok(_) => false,
-                Err(Error::Io(error)) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut),
-                Err(_) => true,
-            };
-        }
+        drop(self.keeper.stdin.take());
+        let _ = self.keeper.wait();
     }
 }
 
@@ -232,7 +161,6 @@ impl Drop for Browser {
 pub(crate) struct Tab<'a> {
     browser: &'a mut Browser,
     session: String,
-    target: Value,
 }
 
 impl Tab<'_> {
@@ -353,7 +281,7 @@ impl Tab<'_> {
 
     /// Shows another tab of the same window.
     pub(crate) fn hide(&mut self) {
-        self.browser.window();
+        self.browser.tab();
         self.wait("document.hidden");
     }
 
@@ -377,9 +305,5 @@ impl Tab<'_> {
         let painter =
             processes.iter().find(|process| process["type"] == "GPU").expect("a process that paints");
         u32::try_from(painter["id"].as_u64().expect("a number")).expect("a process")
-    }
-
-    pub(crate) fn close(self) {
-        self.browser.call(None, "Target.closeTarget", json!({ "targetId": self.target }));
     }
 }

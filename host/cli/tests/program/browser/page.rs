@@ -35,7 +35,7 @@ pub(crate) fn with_page_of(arguments: &[&str], test: impl Fn(&mut Dashboard, &mu
     let _alone = alone();
     for attempt in 1.. {
         let mut dashboard = Dashboard::start(arguments);
-        let mut browser = Browser::shared(&program);
+        let mut browser = Browser::start(&program);
         let mut tab = browser.open(&dashboard.url, 1280, 1000);
         let done = catch_unwind(AssertUnwindSafe(|| {
             live(&mut tab);
@@ -49,17 +49,12 @@ pub(crate) fn with_page_of(arguments: &[&str], test: impl Fn(&mut Dashboard, &mu
     }
 }
 
-/// Runs a test with two pages of one hub. The first page is in the browser that `start` returns, and drives motor 0 at
-/// 900 counts/s.
-pub(crate) fn with_driver_and_viewer(
-    start: impl FnOnce(&Path) -> Browser,
-    test: impl FnOnce(Tab<'_>, Tab<'_>),
-) {
+/// Runs a test with two pages of one hub, each in its own browser. The first page drives motor 0 at 900 counts/s.
+pub(crate) fn with_driver_and_viewer(test: impl FnOnce(Tab<'_>, Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
-    let mut first = start(&program);
-    let mut second = Browser::shared(&program);
+    let (mut first, mut second) = (Browser::start(&program), Browser::start(&program));
     let mut driver = first.open(&dashboard.url, 1280, 1000);
     live(&mut driver);
     let mut viewer = second.open(&dashboard.url, 1280, 1000);
@@ -70,18 +65,7 @@ pub(crate) fn with_driver_and_viewer(
 
 /// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
 pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
-    with_two_pages_in(Browser::shared, name, end, says, most);
-}
-
-/// As [`with_two_pages`], with the page that drives in the browser that `start` returns.
-pub(crate) fn with_two_pages_in(
-    start: impl FnOnce(&Path) -> Browser,
-    name: &str,
-    end: impl FnOnce(Tab<'_>),
-    says: &str,
-    most: Duration,
-) {
-    with_driver_and_viewer(start, |driver, mut viewer| {
+    with_driver_and_viewer(|driver, mut viewer| {
         assert_eq!(
             viewer.ask("document.querySelector('#control').textContent"),
             "Another page is in control"
