@@ -1,9 +1,9 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 
-use crate::common::{PROGRAM, client, fails, folder, json, made_folder, motor_hub, out, store, write};
+use crate::common::{client, fails, folder, json, motor_hub, out, store, write};
 use crate::conformance::Hub;
 use serde_json::Value;
-use std::process::Command;
+use std::path::Path;
 
 /// A hub that keeps its settings in this file.
 fn served(store: &str) -> Hub {
@@ -89,6 +89,9 @@ fn exported_settings_are_imported_bit_by_bit() {
     set_much(&hub, &file);
     let exported = settings(&hub, &["export"]);
     assert_eq!(settings(&hub, &["export", &file]), format!("wrote {file}\n"));
+    // A dash is standard output, and no file.
+    assert_eq!(settings(&hub, &["export", "-"]), exported);
+    assert!(!Path::new("-").exists());
     drop(hub);
 
     let hub = Hub::served_with(&["--store", &format!("{store}-2")]);
@@ -198,18 +201,4 @@ fn an_address_that_settings_of_a_later_firmware_keep_from_being_stored_lasts_unt
     let said = out(&client(&hub, &["set-address", "9"]));
     assert!(said.contains("the hub's address is 9 until the next reset: "), "{said}");
     assert!(said.contains("settings of a later firmware (version 2)"), "{said}");
-}
-
-#[test]
-fn settings_are_exported_to_standard_output_by_a_dash() {
-    let folder = made_folder("settings-dash");
-    let hub = served(&folder.join("store").display().to_string());
-    let exported = settings(&hub, &["export"]);
-    let client = Command::new(PROGRAM)
-        .args(["client", "--tcp", &hub.place, "settings", "export", "-"])
-        .current_dir(&folder)
-        .output()
-        .unwrap();
-    assert_eq!(out(&client), exported);
-    assert!(!folder.join("-").exists());
 }

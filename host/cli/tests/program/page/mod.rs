@@ -47,8 +47,6 @@ impl Drop for Dashboard {
 /// The socket of a page, without a browser.
 pub(crate) struct Page {
     socket: WebSocket<TcpStream>,
-    /// True if the page returns the numbers of frames.
-    pub(crate) returns_numbers: bool,
     /// The newest frame.
     pub(crate) frame: Value,
 }
@@ -62,7 +60,7 @@ impl Page {
         let (socket, _) = client(request, TcpStream::connect(host).unwrap()).unwrap();
         socket.get_ref().set_read_timeout(Some(Duration::from_millis(10))).unwrap();
         socket.get_ref().set_nodelay(true).unwrap();
-        Self { socket, returns_numbers: true, frame: Value::Null }
+        Self { socket, frame: Value::Null }
     }
 
     /// A page that is connected to a hub with a good battery.
@@ -88,7 +86,7 @@ impl Page {
                 let message: Value = serde_json::from_str(&text).unwrap();
                 if message["kind"] == "frame" {
                     self.frame = message.clone();
-                    if self.returns_numbers && message["number"].as_u64().unwrap().is_multiple_of(5) {
+                    if message["number"].as_u64().unwrap().is_multiple_of(5) {
                         self.order("shown", json!({ "number": message["number"] }));
                     }
                 }
