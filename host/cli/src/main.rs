@@ -1,4 +1,4 @@
-//! The command line `motor-hub`. Each command has one file, which reads its options and prints its results and errors.
+//! The command line `motor-hub`. The file of a command reads its options and prints its results and errors.
 //!
 //! Exit codes: 0 done; 1 the command failed; 2 wrong options or input. A command checks its options and input before it
 //! writes files.
@@ -9,19 +9,16 @@
 
 mod client;
 mod compare;
-mod completions;
 mod constants;
 mod dashboard;
+mod documents;
 mod emulate;
 mod eval;
-mod figures;
 mod identify;
-mod man;
 mod map;
 mod motors;
 mod operating_point;
 mod output;
-mod paper;
 mod parse;
 mod points;
 mod run;
@@ -34,8 +31,10 @@ mod soak;
 mod survey;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 use output::Failure;
 use parse::with_negative_numbers;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use studies::table;
 
@@ -66,15 +65,35 @@ enum Command {
     Points(points::Options),
     #[command(override_usage = map::USAGE)]
     Map(map::Options),
-    Paper(paper::Options),
-    Figures(figures::Options),
+    /// Compare every number that the paper prints with ours, and list its misprints
+    Paper {
+        /// Print one JSON document instead of tables
+        #[arg(long)]
+        json: bool,
+    },
+    /// Draw the paper's figures, and the currents of control values, as SVG
+    Figures {
+        /// Folder for the figures
+        #[arg(long, value_name = "DIR", default_value = "target/motor-hub/figures")]
+        out: PathBuf,
+    },
     Emulate(emulate::Options),
     Serve(serve::Options),
     Dashboard(dashboard::Options),
     Client(client::Options),
     Eval(eval::Options),
-    Completions(completions::Options),
-    Man(man::Options),
+    /// Print a script with which a shell completes commands and options
+    Completions {
+        /// Shell that completes commands
+        #[arg(value_name = "SHELL", ignore_case = true)]
+        shell: Shell,
+    },
+    /// Write the manual pages of all commands
+    Man {
+        /// Folder for the pages
+        #[arg(long, value_name = "DIR", default_value = "target/motor-hub/man")]
+        out: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -91,15 +110,15 @@ fn main() -> ExitCode {
         Command::Motors(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
-        Command::Paper(options) => options.execute(),
-        Command::Figures(options) => options.execute(),
+        Command::Paper { json } => documents::paper(json),
+        Command::Figures { out } => documents::figures(&out),
         Command::Emulate(options) => options.execute(),
         Command::Serve(options) => options.execute(),
         Command::Dashboard(options) => options.execute(),
         Command::Client(options) => options.execute(),
         Command::Eval(options) => options.execute(),
-        Command::Completions(options) => options.execute(Cli::command()),
-        Command::Man(options) => options.execute(Cli::command()),
+        Command::Completions { shell } => documents::completions(shell, Cli::command()),
+        Command::Man { out } => documents::man(&out, Cli::command()),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }

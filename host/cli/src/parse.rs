@@ -127,7 +127,7 @@ pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     })
 }
 
-/// Returns a parser of numbers: `what` names the quantity ("a resistance").
+/// Returns a parser of numbers: `what` names the quantity ("a resistance"), `unit` is "" for none.
 pub(crate) fn number(
     what: &'static str,
     allowed: RangeInclusive<f64>,
@@ -135,7 +135,8 @@ pub(crate) fn number(
 ) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
         let (low, high) = (allowed.start(), allowed.end());
-        within(text, allowed.clone()).ok_or_else(|| format!("{what} is a number from {low} to {high} {unit}"))
+        let value = within(text, allowed.clone());
+        value.ok_or_else(|| format!("{what} is a number from {low} to {high} {unit}").trim_end().to_owned())
     }
 }
 

@@ -15,8 +15,8 @@ pub(crate) struct Options {
     #[arg(value_parser = motor)]
     motor: MotorName,
     /// Loop to read or set
-    #[arg(value_name = "LOOP", ignore_case = true)]
-    of: LoopName,
+    #[arg(value_name = "LOOP", ignore_case = true, value_parser = LOOPS)]
+    of: String,
     /// Proportional: control steps (full control is 32767) per count/s; for a position, counts/s per count
     #[arg(long, value_name = "X", value_parser = coefficient)]
     p: Option<Coefficient>,
@@ -34,12 +34,8 @@ pub(crate) struct Options {
     json: bool,
 }
 
-#[derive(Clone, Copy, clap::ValueEnum, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-enum LoopName {
-    Velocity,
-    Position,
-}
+const POSITION: &str = "position";
+const LOOPS: [&str; 2] = ["velocity", POSITION];
 
 /// Number of steps in a coefficient of 1. A step of the protocol is 2^-16.
 const STEPS: f64 = 65_536.0;
@@ -57,10 +53,8 @@ fn decimal(coefficient: Coefficient) -> f64 {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let of = match self.of {
-            LoopName::Velocity => Loop::Velocity,
-            LoopName::Position => Loop::Position,
-        };
+        let name = self.of.to_lowercase();
+        let of = if name == POSITION { Loop::Position } else { Loop::Velocity };
         if of == Loop::Position && self.f.is_some_and(|f| f != Coefficient::ZERO) {
             let why = "--f: a position has no feed-forward; give --f with velocity only";
             return Err(Failure::input(why));
@@ -82,7 +76,7 @@ impl Options {
             pidf = session.coefficients(self.motor.number, of)?;
         }
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
-        let document = json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
+        let document = json!({ "motor": self.motor.number, "loop": name, "p": p, "i": i, "d": d, "f": f });
         let mut table = table::new(&["P", "I", "D", "F"], 0);
         table.add_row([p, i, d, f].map(|value| format!("{value:.6}")));
         print_as(self.json, &document, table)

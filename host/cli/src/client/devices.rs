@@ -5,6 +5,7 @@ use super::interrupt;
 use super::readings::repeat;
 use crate::output::{Failure, print, print_as};
 use crate::parse::{byte_in, whole, within_a_day};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
@@ -53,21 +54,20 @@ fn pins() -> impl Iterator<Item = Pin> {
 }
 
 /// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives or a request
-/// fails. The output is then released, also if the hub's answer to `switch_on` is lost, because the hub may have
-/// switched it on.
+/// fails. The output is then released, also if the hub's answer to the request is lost, because the hub may have switched
+/// the output on.
 fn keep_on(
     session: &mut Session,
     line: &str,
     length: Option<Duration>,
-    switch_on: impl FnOnce(&mut Session) -> Result<(), Error>,
-    release: impl FnOnce(&mut Session) -> Result<(), Error>,
+    switch: impl Fn(&mut Session, bool) -> Result<(), Error>,
 ) -> Result<(), Failure> {
     interrupt::listen()?;
-    let kept =
-        switch_on(session).map_err(Failure::from).and_then(|()| print(&format!("{line}\n"))).and_then(|()| {
-            repeat(KEEP_ON, length, |_| session.keep_alive().map(|()| false).map_err(Failure::from))
-        });
-    let released = release(session);
+    let kept = switch(session, true).map_err(Failure::from).and_then(|()| {
+        print(&format!("{line}\n"))?;
+        repeat(KEEP_ON, length, |_| Ok(session.keep_alive().map(|()| false)?))
+    });
+    let released = switch(session, false);
     kept?;
     Ok(released?)
 }
@@ -131,8 +131,7 @@ impl ServoOptions {
             session.set_servo_width(servo, width)?;
         }
         let line = format!("servo {}: pulses of {width} us every {} us", servo.get(), self.period);
-        let switch_on = |session: &mut Session| session.enable_servo(servo, true);
-        keep_on(session, &line, self.length, switch_on, |session| session.enable_servo(servo, false))
+        keep_on(session, &line, self.length, |session, on| session.enable_servo(servo, on))
     }
 }
 
@@ -166,8 +165,9 @@ pub(super) struct DigitalOptions {
     #[arg(value_parser = byte_in("a digital pin", Pin::new))]
     pin: Option<Pin>,
     /// Drives the pin high or low, until the command ends
-    #[arg(requires = "pin")]
-    level: Option<Level>,
+    #[arg(value_name = "LEVEL", requires = "pin")]
+    #[arg(value_parser = PossibleValuesParser::new(["high", "low"]).map(|level| level == "high"))]
+    high: Option<bool>,
     /// Duration in seconds [default: until Ctrl-C]
     #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
@@ -176,18 +176,11 @@ pub(super) struct DigitalOptions {
     json: bool,
 }
 
-/// Level of an output.
-#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Level {
-    High,
-    Low,
-}
-
 impl DigitalOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
         let session = &mut hub.open(None)?;
-        if let (Some(pin), Some(level)) = (self.pin, self.level) {
-            return self.drive(session, pin, level);
+        if let (Some(pin), Some(high)) = (self.pin, self.high) {
+            return self.drive(session, pin, high);
         }
         let mut table = table::new(&["pin", "direction", "level"], 0);
         let mut found = Vec::new();
@@ -208,11 +201,11 @@ impl DigitalOptions {
     }
 
     /// Drives a pin. Releases the pin when the duration is over, after a signal, and after an error.
-    fn drive(&self, session: &mut Session, pin: Pin, level: Level) -> Result<(), Failure> {
-        let high = level == Level::High;
+    fn drive(&self, session: &mut Session, pin: Pin, high: bool) -> Result<(), Failure> {
         let line = format!("digital pin {} is {}", pin.get(), if high { "high" } else { "low" });
-        let switch_on = |session: &mut Session| session.drive_pin(pin, high);
-        keep_on(session, &line, self.length, switch_on, |session| session.release_pin(pin))
+        keep_on(session, &line, self.length, |session, on| {
+            if on { session.drive_pin(pin, high) } else { session.release_pin(pin) }
+        })
     }
 }
 
