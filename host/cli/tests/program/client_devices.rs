@@ -2,11 +2,10 @@
 
 use crate::client_program::client as fake_client;
 use crate::common::{self, client, fails, folder, out, scan, wait_for, write};
-use crate::conformance::{Data, Host, Hub, Nack};
+use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::board::{Equipment, SERVOS};
 use serde_json::{Value, json};
-use std::io::{Read, Write};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -155,8 +154,8 @@ fn an_output_is_released_when_the_answer_to_its_switch_on_is_lost() {
     hub.responder.outputs.equipment = equipment;
     // The answers to "enable servo 2" and to "output of pin 5" are lost.
     hub.loses_reply = Box::new(|packet| {
-        packet.id == DEKA + 35 && packet.payload[..] == [2, 1]
-            || packet.id == DEKA + 3 && packet.payload[..] == [5, 1]
+        packet.id == 0x1023 && packet.payload[..] == [2, 1]
+            || packet.id == 0x1003 && packet.payload[..] == [5, 1]
     });
     let server = Server::start(hub);
     for (switch_on, state) in [
@@ -201,83 +200,19 @@ fn i2c_devices_are_found_read_and_written() {
     }
 }
 
-const DEKA: u16 = 0x1000;
-
-/// Polls a transfer until its result comes, and returns the result with its status.
-fn polled(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
-    wait_for("a result", || match host.ask(DEKA + poll, &[bus]) {
-        Nack(41) => None,
-        Data(result) => Some(result),
-        other => panic!("{other:?}"),
-    })
-}
-
-/// As [`polled`], for a transfer without an error; returns the result without its status.
-fn result(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
-    let mut result = polled(host, poll, bus);
-    assert_eq!(result.remove(0), 0, "the status");
-    result
-}
-
-/// Reads registers of the inertial sensor.
-fn registers(host: &mut Host<impl Read + Write>, first: u8, count: u8) -> Vec<u8> {
-    host.order(DEKA + 52, &[0, 0x28, count, first]);
-    result(host, 41, 0)[1..].to_vec()
-}
-
-/// Writes a register of the inertial sensor. A host that does not poll sends the next request at once, and again while the bus is
-/// busy.
-fn set(host: &mut Host<impl Read + Write>, register: u8, value: u8, polls: bool) {
-    while host.ask(DEKA + 38, &[0, 0x28, 2, register, value]) == Nack(40) {}
-    if polls {
-        assert_eq!(result(host, 42, 0), [2]);
-    }
-}
-
-/// As the software of the competition starts the sensor; a test of the simulated sensor has all registers of that sequence.
-#[test]
-fn the_inertial_sensor_is_started_without_polls_and_turns_with_the_drive_base() {
-    let hub = Hub::served();
-    let mut host = hub.tcp();
-    sleep(Duration::from_millis(700));
-    assert_eq!(registers(&mut host, 0x00, 1), [0xA0]);
-    assert_eq!(registers(&mut host, 0x3D, 1), [0]);
-    set(&mut host, 0x3E, 0, true);
-    for (register, value) in [(0x07, 0x01), (0x08, 0x0D), (0x07, 0x00)] {
-        set(&mut host, register, value, false);
-    }
-    while host.ask(DEKA + 52, &[0, 0x28, 1, 0x3D]) == Nack(40) {}
-    assert_eq!(result(&mut host, 41, 0), [1, 0]);
-    set(&mut host, 0x3D, 8, true);
-    sleep(Duration::from_millis(15));
-    assert_eq!(registers(&mut host, 0x39, 1), [5], "fusion runs");
-    assert_eq!(registers(&mut host, 0x20, 8), [0, 0x40, 0, 0, 0, 0, 0, 0], "no rotation");
-    // The right wheel drives forward, so the base turns left. The sensor's headings grow clockwise.
-    for (function, payload) in [(8, &[1, 0, 0][..]), (15, &[1, 0xFF, 0x3F]), (10, &[1, 1])] {
-        host.order(DEKA + function, payload);
-    }
-    let heading = |host: &mut Host<_>| {
-        let bytes = registers(host, 0x1A, 2);
-        f64::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 16.0
-    };
-    wait_for("a turned base", || (300.0..359.0).contains(&heading(&mut host)).then_some(()));
-}
-
 #[test]
 fn a_stuck_data_line_is_freed_and_a_stretched_clock_is_waited_for() {
     let hub = served(
         "devices-faults",
         "i2c_faults = [\"none\", \"stuck-data\", \"stretching\", \"no-acknowledge\"]",
     );
-    let mut host = hub.tcp();
-    let mut read = |bus: u8, address: u8| {
-        host.order(DEKA + 39, &[bus, address]);
-        polled(&mut host, 41, bus)
-    };
-    assert_eq!(read(1, 0x50), [4, 0], "arbitration is lost to the device that holds SDA");
-    assert_eq!(read(1, 0x50), [0, 1, 0], "nine clocks have freed SDA");
-    assert_eq!(read(2, 0x50), [1, 0], "after 30 ms no device has acknowledged");
-    assert_eq!(read(3, 0x50), [1, 0]);
+    let read = |bus| client(&hub, &["i2c", "read", bus, "0x50"]);
+    // Arbitration is lost to the device that holds SDA. Then nine clocks have freed SDA.
+    fails(&read("1"), 1, "status 0x04");
+    assert_eq!(out(&read("1")), "00\n");
+    // After 30 ms no device has acknowledged.
+    fails(&read("2"), 1, "status 0x01");
+    fails(&read("3"), 1, "status 0x01");
 }
 
 #[test]

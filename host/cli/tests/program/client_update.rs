@@ -2,15 +2,15 @@
 
 use crate::client_program::client;
 use crate::common::{err, fails, folder, motor_hub, out, write};
-use crate::hub_support::{Hub, SIGNATURE, SIGNATURE_OF_OLDER, SLOT, Server, goes_back, good, started};
-use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, Slot, UpdateRequest, public_key};
+use crate::hub_support::{Hub, SIGNATURE, SIGNATURE_OF_OLDER, SLOT, Server, started};
+use motor_hub::update::{Booted, Slot, public_key};
 
 /// Public key as OpenSSL writes it.
 pub(crate) const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
 
-pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
-    Server::start(Hub { responder: started(slot, Booted::Confirmed), flash, ..Hub::new() })
+/// A hub with this slot for new firmware.
+pub(crate) fn with_slot(slot: Slot) -> Hub {
+    Hub { responder: started(slot, Booted::Confirmed), ..Hub::new() }
 }
 
 /// Raw bytes for the slot, with this version text.
@@ -25,7 +25,7 @@ pub(crate) const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
 #[test]
 fn an_update_that_was_rolled_back_fails_with_both_versions() {
     let file = write(&folder("client-update-back"), "newer.bin", image("mh9.9.9"));
-    let server = serve(SLOT, goes_back);
+    let server = Server::start(Hub { restarts: Booted::Reverted, ..with_slot(SLOT) });
     let output = client(&server, &["update", &file]);
     assert_eq!(output.status.code(), Some(1));
     let (new, old) = ("Eng: 2, mh9.9.9", format!("Eng: 2, {RUNS}"));
@@ -40,7 +40,7 @@ fn an_update_that_was_rolled_back_fails_with_both_versions() {
         "did not confirm itself, and the hub returned to the former firmware",
     );
     // It also fails if the hub confirms, but runs the former firmware.
-    let server = serve(SLOT, good);
+    let server = Server::start(with_slot(SLOT));
     let output = client(&server, &["update", &file]);
     assert!(err(&output).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&output));
 }
@@ -55,7 +55,7 @@ fn a_hub_with_a_key_refuses_unsigned_firmware_with_the_reason() {
     let mut other = KEY.to_vec();
     other.iter_mut().skip(12).for_each(|byte| *byte ^= 1);
     let other = write(&folder, "other.der", other);
-    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
+    let server = Server::start(with_slot(Slot { signer: public_key(KEY), ..SLOT }));
     let refused = |arguments: &[&str], why: &str| {
         fails(&client(&server, &[&["update", &*file], arguments].concat()), 1, why);
     };
@@ -80,7 +80,8 @@ fn a_hub_without_a_key_refuses_signatures() {
     let file = write(&folder, "same.bin", image(RUNS));
     let signature = write(&folder, "same.sig", SIGNATURE);
     let key = write(&folder, "public.der", KEY);
-    let output = client(&serve(SLOT, good), &["update", &file, "--signature", &signature, "--key", &key]);
+    let server = Server::start(with_slot(SLOT));
+    let output = client(&server, &["update", &file, "--signature", &signature, "--key", &key]);
     assert!(
         err(&output).contains("built without a key, and checks no signatures (NACK 80)"),
         "{}",

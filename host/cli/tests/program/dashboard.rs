@@ -1,9 +1,9 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
-use crate::client_update::{KEY, RUNS, image, serve};
+use crate::client_update::{KEY, RUNS, image, with_slot};
 use crate::common::{PROGRAM, client, err, fails, folder, json as document, motor_hub, store, write};
 use crate::conformance::Hub;
-use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server, good};
+use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server};
 use crate::page::{Dashboard, Page};
 use motor_hub::extension::settings::Group;
 use motor_hub::store::Found;
@@ -388,7 +388,7 @@ fn update_signed(page: &mut Page, image: &[u8], seal: Value) -> Value {
 
 #[test]
 fn new_firmware_is_sent_while_frames_go_on_and_the_page_shows_the_result() {
-    let server = serve(SLOT, good);
+    let server = Server::start(with_slot(SLOT));
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
     let done = update(&mut page, &image(RUNS));
@@ -400,7 +400,7 @@ fn new_firmware_is_sent_while_frames_go_on_and_the_page_shows_the_result() {
 
 #[test]
 fn a_hub_with_a_key_takes_only_signed_firmware_from_a_page() {
-    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
+    let server = Server::start(with_slot(Slot { signer: public_key(KEY), ..SLOT }));
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
     let seal = |signature: &[u8], key: &[u8]| json!({ "signature": hex(signature), "key": hex(key) });
@@ -420,7 +420,7 @@ fn a_hub_with_a_key_takes_only_signed_firmware_from_a_page() {
 
 #[test]
 fn firmware_for_no_slot_is_refused_before_it_is_sent() {
-    let server = serve(SLOT, good);
+    let server = Server::start(with_slot(SLOT));
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
     let elsewhere = [&[0; 8], &image(RUNS)[8..]].concat();

@@ -5,8 +5,8 @@ use crate::browser::page::{
     CATCH, ESCAPE, choose, drive, drive_until, motor, mouse, off, open, pictures, point, press, saved,
     with_page, with_page_of,
 };
-use crate::client_update::{KEY, RUNS, image, serve};
-use crate::hub_support::{SIGNATURE, SLOT, good};
+use crate::client_update::{KEY, RUNS, image, with_slot};
+use crate::hub_support::{SIGNATURE, SLOT, Server};
 use motor_hub::update::{Slot, public_key};
 use serde_json::json;
 use std::process::Command;
@@ -296,7 +296,7 @@ fn the_hub_panel_shows_the_version_and_sets_lamp_and_address() {
 #[test]
 fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
     // Once restarted, this hub has no key.
-    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
+    let server = Server::start(with_slot(Slot { signer: public_key(KEY), ..SLOT }));
     with_page_of(&["--tcp", &server.address], |_, tab| {
         tab.click("#tab-hub");
         open(tab, "New firmware");

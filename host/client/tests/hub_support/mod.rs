@@ -11,7 +11,7 @@ use motor_hub::responder::Responder;
 use motor_hub::store::{self, Found, StoreRequest, Stored, VERSION};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{Micros, Millivolts};
-use motor_hub::update::{Booted, ImageSignature, Outcome, Slot, SlotReport, UpdateRequest};
+use motor_hub::update::{Booted, Outcome, Slot, SlotReport, UpdateRequest};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{ErrorKind, Read, Write};
@@ -51,8 +51,8 @@ pub(crate) struct Hub {
     pub(crate) answer: fn(&Packet) -> Option<Reply>,
     /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
-    /// Executes the requests to the slot for new firmware, and the restart of the hub.
-    pub(crate) flash: fn(&mut Responder<4>, UpdateRequest),
+    /// How the hub starts after an update.
+    pub(crate) restarts: Booted,
     /// Number of requests received.
     pub(crate) requests: Arc<AtomicU32>,
     pub(crate) decoder: Decoder,
@@ -81,7 +81,7 @@ impl Hub {
             change: |_| (),
             answer: |_| None,
             foreign: false,
-            flash: good,
+            restarts: Booted::Confirmed,
             requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),
@@ -123,8 +123,8 @@ impl Hub {
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST_FUNCTION;
             }
-            if let Some(order) = self.responder.update_request() {
-                (self.flash)(&mut self.responder, order);
+            if let Some(request) = self.responder.update_request() {
+                self.update(request);
             }
             // An access to the memory lasts until the host asks for the state of the stored settings.
             if self.ends_accesses
@@ -152,6 +152,22 @@ impl Hub {
             out.extend(&frame);
         }
         out
+    }
+
+    /// Executes a request to the slot for new firmware. The fake flash accepts an image without a signature or with
+    /// [`SIGNATURE`].
+    fn update(&mut self, request: UpdateRequest) {
+        let signature = match request {
+            UpdateRequest::Restart => return self.responder = started(SLOT, self.restarts),
+            UpdateRequest::Arm { signature, .. } => signature.map(|signature| signature.bytes),
+            _ => None,
+        };
+        let outcome = match signature {
+            Some(SIGNATURE_OF_OLDER) => Outcome::Older,
+            Some(SIGNATURE) | None => Outcome::Done,
+            Some(_) => Outcome::WrongSignature,
+        };
+        self.responder.update_done(SlotReport::Result(outcome));
     }
 }
 
@@ -189,31 +205,6 @@ pub(crate) fn started(slot: Slot, booted: Booted) -> Responder<4> {
     let mut responder = responder().with_slot(slot);
     responder.update_done(SlotReport::Booted(booted));
     responder
-}
-
-/// A fake flash that accepts an image without a signature or with [`SIGNATURE`]. A restart starts the new firmware,
-/// which confirms itself.
-pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
-    carry_out(responder, request, Booted::Confirmed);
-}
-
-/// A fake flash whose restart ends with the former firmware.
-pub(crate) fn goes_back(responder: &mut Responder<4>, request: UpdateRequest) {
-    carry_out(responder, request, Booted::Reverted);
-}
-
-fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Booted) {
-    let wrong = |signature: ImageSignature| signature.bytes != SIGNATURE;
-    match request {
-        UpdateRequest::Restart => *responder = started(SLOT, restarted),
-        UpdateRequest::Arm { signature: Some(signature), .. } if signature.bytes == SIGNATURE_OF_OLDER => {
-            responder.update_done(SlotReport::Result(Outcome::Older));
-        }
-        UpdateRequest::Arm { signature: Some(signature), .. } if wrong(signature) => {
-            responder.update_done(SlotReport::Result(Outcome::WrongSignature));
-        }
-        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
-    }
 }
 
 /// A line in memory with hubs at its other end.
