@@ -9,7 +9,7 @@ pub use browser::{Instant, set};
 
 #[cfg(target_arch = "wasm32")]
 mod browser {
-    use std::ops::{Add, AddAssign, Sub};
+    use std::ops::Add;
     use std::sync::OnceLock;
     use std::time::Duration;
 
@@ -48,12 +48,6 @@ mod browser {
         pub fn duration_since(self, earlier: Self) -> Duration {
             self.saturating_duration_since(earlier)
         }
-
-        /// Returns the instant that is earlier by `duration`; `None` if that instant is before time 0 of the clock.
-        #[must_use]
-        pub fn checked_sub(self, duration: Duration) -> Option<Self> {
-            self.0.checked_sub(duration).map(Self)
-        }
     }
 
     impl Add<Duration> for Instant {
@@ -61,20 +55,6 @@ mod browser {
 
         fn add(self, duration: Duration) -> Self {
             Self(self.0.saturating_add(duration))
-        }
-    }
-
-    impl AddAssign<Duration> for Instant {
-        fn add_assign(&mut self, duration: Duration) {
-            *self = *self + duration;
-        }
-    }
-
-    impl Sub<Self> for Instant {
-        type Output = Duration;
-
-        fn sub(self, earlier: Self) -> Duration {
-            self.saturating_duration_since(earlier)
         }
     }
 }
