@@ -8,7 +8,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, tcgetattr};
 use std::fs::File;
 use std::io::{Read, Write};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -52,11 +52,11 @@ impl Terminal {
     }
 
     /// Waits for the end of the program, which must restore the terminal.
-    fn end(self) -> Output {
-        let output = self.process.wait_with_output().unwrap();
-        let modes = tcgetattr(&self.slave).unwrap().local_modes;
-        assert!(modes.contains(LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG), "{modes:?}");
-        output
+    fn end(mut self) -> (ExitStatus, String) {
+        let errors = std::io::read_to_string(self.process.stderr.take().unwrap()).unwrap();
+        let status = self.process.wait().unwrap();
+        assert!(self.has_lines());
+        (status, errors)
     }
 }
 
@@ -84,7 +84,7 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
     terminal.keys("2j");
     sleep(Duration::from_millis(200));
     terminal.keys(" q");
-    assert!(terminal.end().status.success());
+    assert!(terminal.end().0.success());
     let motors = motors(&hub);
     let (held, other) = (motors[0].0, motors[2].0);
     // The motor turns at 400 counts/s from the first key until 0.3 s after the last one, plus the time to stop. If it were
@@ -107,8 +107,8 @@ fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
         } else {
             signal(terminal.process.id(), end);
         }
-        let output = terminal.end();
-        assert_eq!(output.status.code(), Some(i32::from(end != "Ctrl-C")), "{end}: {}", err(&output));
+        let (status, errors) = terminal.end();
+        assert_eq!(status.code(), Some(i32::from(end != "Ctrl-C")), "{end}: {errors}");
         assert!(motors(&hub).iter().all(|(_, enabled)| !enabled), "{end}");
     }
 }

@@ -53,44 +53,36 @@ fn the_program_sets_and_shows_coefficients() {
 #[test]
 fn the_set_up_of_a_motor_is_shown_and_changed() {
     let server = Server::start(Hub::new());
-    let read = ["setup", "1", "--json"];
-    let before = json(&client(&server, &read));
+    let set_up = |options: &[&str]| json(&client(&server, &[&["setup", "1", "--json"], options].concat()));
+    let before = set_up(&[]);
     assert_eq!((&before["scheme"], &before["duty"]), (&"A".into(), &"linear-current".into()));
-    let blend = ["--scheme", "D", "--blend", "0.5"];
-    let after = json(&client(&server, &[&read[..], &["--type", "AM 40 C"], &blend].concat()));
+    let after = set_up(&["--type", "AM 40 C", "--scheme", "D", "--blend", "0.5"]);
     assert_eq!((&after["scheme"], &after["blend"]), (&"D".into(), &0.5.into()));
     assert_ne!(after["emf_mv_s_per_count"], before["emf_mv_s_per_count"]);
-    assert_eq!(json(&client(&server, &read)), after);
+    assert_eq!(set_up(&[]), after);
     // Another scheme does not change the motor's constants.
-    let duty = json(&client(&server, &["setup", "1", "--duty", "linear-duty", "--scheme", "B", "--json"]));
+    let duty = set_up(&["--duty", "linear-duty", "--scheme", "B"]);
     assert_eq!((&duty["duty"], &duty["scheme"]), (&"linear-duty".into(), &"B".into()));
     assert_eq!(duty["emf_mv_s_per_count"], after["emf_mv_s_per_count"]);
     // A duty rule that does not use the winding does not change them either.
-    let back = json(&client(&server, &["setup", "1", "--duty", "linear-current", "--json"]));
-    assert_eq!(back["duty"], "linear-current");
+    let back = set_up(&["--duty", "linear-current"]);
+    assert_eq!((&back["duty"], &back["on_fault"]), (&"linear-current".into(), &"coast".into()));
     for known in ["emf_mv_s_per_count", "resistance_ohm", "inductance_mh"] {
         assert_eq!(back[known], after[known], "{known}");
     }
-    assert_eq!(back["on_fault"], "coast");
-    let braking = json(&client(&server, &["setup", "1", "--on-fault", "brake", "--json"]));
-    assert_eq!(braking["on_fault"], "brake");
-    assert_eq!(braking["scheme"], "B");
+    let braking = set_up(&["--on-fault", "brake"]);
+    assert_eq!((&braking["on_fault"], &braking["scheme"]), (&"brake".into(), &"B".into()));
     assert_eq!((&braking["heat_percent"], &braking["derated"]), (&0.0.into(), &false.into()));
     // The named motor's continuous current is still configured. It can be reset, and so can the bridge's timing.
     assert_eq!(braking["continuous_current_a"], 1.904);
-    let free = ["setup", "1", "--continuous-current", "0", "--bridge", "vnh5019", "--json"];
-    let free = json(&client(&server, &free));
-    assert_eq!(
-        (&free["continuous_current_a"], &free["bridge"]),
-        (&serde_json::Value::Null, &"vnh5019".into())
-    );
+    let free = set_up(&["--continuous-current", "0", "--bridge", "vnh5019"]);
+    assert_eq!((&free["continuous_current_a"], &free["bridge"]), (&Value::Null, &"vnh5019".into()));
     assert!(err(&client(&server, &["setup", "1", "--continuous-current", "70"])).contains("65.535"));
     assert_eq!(free["current_limit_a"], Value::Null);
-    let limited = json(&client(&server, &["setup", "1", "--current-limit", "0.8", "--json"]));
+    let limited = set_up(&["--current-limit", "0.8"]);
     assert_eq!((&limited["current_limit_a"], &limited["scheme"]), (&0.8.into(), &"B".into()));
     assert!(out(&client(&server, &["setup", "1"])).contains("0.800 A"));
-    let free = json(&client(&server, &["setup", "1", "--current-limit-a", "0", "--json"]));
-    assert_eq!(free["current_limit_a"], Value::Null);
+    assert_eq!(set_up(&["--current-limit-a", "0"])["current_limit_a"], Value::Null);
     let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
     assert!(err(&unknown).contains("NeveRest 40"), "{}", err(&unknown));
     let table = out(&client(&server, &["setup", "0"]));
@@ -101,21 +93,29 @@ fn the_set_up_of_a_motor_is_shown_and_changed() {
 fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     let server = Server::start(Hub::new());
     let show = ["setup", "2", "--json"];
-    let before = json(&client(&server, &show));
-    let constants =
-        ["--ke", "0.02", "--counts-per-rev", "12", "--resistance-ohm", "2.5", "--inductance-mh", "0.8"];
-    let after = json(&client(&server, &[&show[..], &constants].concat()));
+    let set_up = |options: &[&str]| json(&client(&server, &[&show, options].concat()));
+    let before = set_up(&[]);
+    let after = set_up(&[
+        "--ke",
+        "0.02",
+        "--counts-per-rev",
+        "12",
+        "--resistance-ohm",
+        "2.5",
+        "--inductance-mh",
+        "0.8",
+    ]);
     // 2000 pi Ke / counts.
     assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
     assert_eq!((&after["resistance_ohm"], &after["inductance_mh"]), (&2.5.into(), &0.8.into()));
     assert_eq!((&after["scheme"], &after["duty"]), (&before["scheme"], &before["duty"]));
     // A single constant leaves the others. The name of a motor may be the name it is sold under.
-    let ohms = json(&client(&server, &[&show[..], &["--resistance-ohm", "3"]].concat()));
+    let ohms = set_up(&["--resistance-ohm", "3"]);
     assert_eq!(
         (&ohms["emf_mv_s_per_count"], &ohms["resistance_ohm"]),
         (&after["emf_mv_s_per_count"], &3.0.into())
     );
-    let named = json(&client(&server, &[&show[..], &["--type", "neverest 60"]].concat()));
+    let named = set_up(&["--type", "neverest 60"]);
     assert_eq!(named["resistance_ohm"], 3.3);
     // A wrong option changes nothing, not even by options before it.
     for (wrong, says) in [
@@ -135,7 +135,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
         (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
     ] {
         fails(&client(&server, &[&show[..], wrong].concat()), 2, says);
-        assert_eq!(json(&client(&server, &show)), named, "{wrong:?}");
+        assert_eq!(set_up(&[]), named, "{wrong:?}");
     }
 }
 

@@ -2,10 +2,11 @@
 
 use crate::browser::Tab;
 use crate::browser::page::{
-    ENTER, ESCAPE, PANELS, SPACE, drive, live, motor, off, pictures, theme, unobstructed, with_page,
-    with_page_of, with_two_pages,
+    ENTER, ESCAPE, PANELS, SPACE, card, drive, focus, live, motor, off, pictures, theme, unobstructed,
+    with_page, with_page_of, with_two_pages,
 };
 use crate::page::{Dashboard, Page};
+use serde_json::json;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -17,54 +18,55 @@ fn a_tab_that_is_killed_loses_its_motors() {
 
 #[test]
 fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() {
+    const FIELD: &str = "#motors input[type=number]";
+    let in_list = |tab: &mut Tab<'_>, list: &str| {
+        tab.click(list);
+        std::thread::sleep(Duration::from_millis(300));
+        tab.press(ESCAPE);
+    };
+    let ways: [(&str, &dyn Fn(&mut Tab<'_>)); 9] = [
+        ("a click", &|tab| tab.click("#stop")),
+        ("Escape", &|tab| tab.press(ESCAPE)),
+        ("Space", &|tab| tab.press(SPACE)),
+        // In a field Space enters a character, but Escape stops.
+        ("Escape in a field", &|tab| {
+            focus(tab, FIELD);
+            tab.press(ESCAPE);
+        }),
+        // Space stops also on a button, which it would press otherwise.
+        ("Space on a button", &|tab| {
+            focus(tab, "#pause");
+            tab.press(SPACE);
+        }),
+        ("Space after a speed was entered", &|tab| {
+            tab.click(FIELD);
+            tab.ask("document.activeElement.select()");
+            tab.call("Input.insertText", json!({ "text": "700" }));
+            tab.press(ENTER);
+            tab.wait(&format!("{} === 700", motor(0, "target")));
+            tab.press(SPACE);
+        }),
+        ("Escape in the list of units", &|tab| in_list(tab, "#unit")),
+        ("Escape in the list of modes", &|tab| in_list(tab, &card(0, "[aria-label^=Mode]"))),
+        ("Escape in the list of windows", &|tab| in_list(tab, "#window")),
+    ];
     with_page(|tab| {
-        for round in 0..5 {
+        for (how, stop) in &ways {
             drive(tab, 0, 900);
             let since = Instant::now();
-            let how = match round {
-                0 => {
-                    tab.click("#stop");
-                    "a click"
-                }
-                1 => {
-                    tab.press(ESCAPE);
-                    "Escape"
-                }
-                2 => {
-                    tab.press(SPACE);
-                    "Space"
-                }
-                // In a field Space enters a character, but Escape stops.
-                3 => {
-                    tab.ask("document.querySelector('#motors input[type=number]').focus()");
-                    tab.press(ESCAPE);
-                    "Escape in a field"
-                }
-                // Space stops also on a button, which it would press otherwise.
-                _ => {
-                    tab.ask("document.querySelector('#pause').focus()");
-                    tab.press(SPACE);
-                    "Space on a button"
-                }
-            };
+            stop(tab);
             println!("stopped by {how} after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
-            assert_eq!(
-                tab.ask("document.querySelector('#pause').getAttribute('aria-pressed')"),
-                "false",
-                "{how}"
-            );
-            assert!(
-                tab.ask("document.querySelector('#notice').textContent")
-                    == "All motors are disabled: stopped.",
-                "{how}"
-            );
+            let paused = tab.ask("document.querySelector('#pause').getAttribute('aria-pressed')");
+            assert_eq!(paused, "false", "{how}");
+            let notice = tab.ask("document.querySelector('#notice').textContent");
+            assert_eq!(notice, "All motors are disabled: stopped.", "{how}");
             tab.wait(&format!("{} === 0", motor(0, "velocity")));
         }
         // Space in a field stops nothing.
         drive(tab, 1, 500);
         tab.click("#tab-group");
         tab.click("#panel-group .parts > details:nth-child(2) > summary");
-        tab.ask("document.querySelector('#group-speed').focus()");
+        focus(tab, "#group-speed");
         tab.press(SPACE);
         std::thread::sleep(Duration::from_millis(300));
         assert_eq!(tab.ask(&motor(1, "enabled")), true);
@@ -251,7 +253,7 @@ fn every_control_is_reached_by_keys() {
             "[...document.querySelectorAll('button, select, input')].filter((e) => !e.disabled && e.tabIndex >= 0 && e.checkVisibility()).length",
         );
         assert_eq!(Some(reached.len() as u64), expected.as_u64());
-        tab.ask("document.querySelector('#motors .card:nth-child(4) .run').focus()");
+        focus(tab, &card(3, ".run"));
         tab.press(ENTER);
         tab.wait(&motor(3, "enabled"));
     });
@@ -369,7 +371,7 @@ fn a_reload_keeps_unit_motor_tab_and_curves() {
         tab.click("#curves .row:nth-child(4) button:nth-of-type(1)");
         let position = "document.querySelector('.chart[aria-label^=Position]').checkVisibility()";
         assert_eq!(tab.ask(position), true);
-        tab.call("Page.reload", serde_json::json!({}));
+        tab.call("Page.reload", json!({}));
         // Until the old page is gone.
         std::thread::sleep(Duration::from_millis(500));
         live(tab);

@@ -2,8 +2,8 @@
 
 use crate::browser::Tab;
 use crate::browser::page::{
-    CATCH, ESCAPE, choose, drive, drive_until, motor, mouse, off, open, pictures, point, press, saved,
-    with_page, with_page_of,
+    CATCH, ESCAPE, choose, drive, drive_until, focus, motor, mouse, number, off, open, pictures, point,
+    press, saved, with_page, with_page_of,
 };
 use crate::client_update::{KEY, RUNS, image, with_slot};
 use crate::hub_support::{SIGNATURE, SLOT, Server};
@@ -15,10 +15,6 @@ use std::time::{Duration, Instant};
 const FROM: &str = "#panel-tune [aria-label=\"Step from\"]";
 const TO: &str = "#panel-tune [aria-label=\"Step to\"]";
 const SAYS: &str = "document.querySelector('#panel-tune [role=status]').textContent";
-
-fn number(tab: &mut Tab<'_>, selector: &str) -> f64 {
-    tab.ask(&format!("Number(document.querySelector('{selector}').value)")).as_f64().unwrap()
-}
 
 #[test]
 fn a_step_begins_at_the_speed_that_was_asked_for() {
@@ -377,7 +373,7 @@ fn a_held_button_drives_and_everything_that_releases_it_stops() {
         }
         // Backward, by the key Enter, with all motors.
         tab.fill("#jog-motors", "all");
-        tab.ask("document.querySelector('#panel-group .jog').focus()");
+        focus(tab, "#panel-group .jog");
         let key = |tab: &mut Tab<'_>, kind: &str| {
             tab.call(
                 "Input.dispatchKeyEvent",

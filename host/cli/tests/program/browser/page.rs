@@ -121,6 +121,16 @@ pub(crate) fn mouse(tab: &mut Tab<'_>, kind: &str, (x, y): (f64, f64)) {
     );
 }
 
+/// Gives an element the focus.
+pub(crate) fn focus(tab: &mut Tab<'_>, selector: &str) {
+    tab.ask(&format!("document.querySelector('{selector}').focus()"));
+}
+
+/// The number in a field.
+pub(crate) fn number(tab: &mut Tab<'_>, selector: &str) -> f64 {
+    tab.ask(&format!("Number(document.querySelector('{selector}').value)")).as_f64().unwrap()
+}
+
 /// Waits until motor 0 is disabled, and returns the time since `since`.
 pub(crate) fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
     tab.wait(&format!("{} === false", motor(0, "enabled")));

@@ -1,6 +1,7 @@
 //! A host that checks every rule of the protocol that hosts rely on, from outside and in real time. Written
 //! apart from the hub's and the client's codecs, so that each checks the other.
 
+use crate::common::wait_for;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -46,22 +47,18 @@ impl Hub {
 
     /// A hub with all of its options.
     pub(crate) fn start(options: &[&str]) -> Self {
-        Self::start_in(&notes(), options)
-    }
-
-    /// A hub that leaves its note in a folder.
-    pub(crate) fn start_in(notes: &Path, options: &[&str]) -> Self {
-        Self::start_as(notes, options, Stdio::inherit())
+        Self::start_in(&notes(), options, Stdio::inherit())
     }
 
     /// A hub on a TCP port that leaves its note in a folder, and its standard error.
     pub(crate) fn start_heard(notes: &Path) -> (Self, BufReader<ChildStderr>) {
-        let mut hub = Self::start_as(notes, &["--tcp", "127.0.0.1:0"], Stdio::piped());
+        let mut hub = Self::start_in(notes, &["--tcp", "127.0.0.1:0"], Stdio::piped());
         let errors = hub.process.stderr.take().unwrap();
         (hub, BufReader::new(errors))
     }
 
-    fn start_as(notes: &Path, options: &[&str], errors: Stdio) -> Self {
+    /// A hub that leaves its note in a folder, and writes its errors to `errors`.
+    pub(crate) fn start_in(notes: &Path, options: &[&str], errors: Stdio) -> Self {
         let mut served = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
         served.arg("serve").args(options).env("XDG_RUNTIME_DIR", notes);
         let mut process = served.stdout(Stdio::piped()).stderr(errors).spawn().unwrap();
@@ -83,15 +80,7 @@ impl Hub {
         let open = || serialport::new(&self.place, 460_800).timeout(PATIENCE).open();
         // Another test may start a program at this moment. Between fork and exec the new process also holds the port
         // that was just closed, and the lock of the port. Opening the port is therefore tried several times.
-        let mut port = open();
-        for _ in 0..20 {
-            if port.is_ok() {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(20));
-            port = open();
-        }
-        Host::new(port.unwrap())
+        Host::new(wait_for("an open port", || open().ok()))
     }
 
     pub(crate) fn tcp(&self) -> Host<TcpStream> {
@@ -371,13 +360,8 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
         host.order(DEKA + 43, &[bus, 1]);
         assert_eq!(host.data(DEKA + 47, &[bus]), [1]);
         host.order(DEKA + 39, &[bus, 0x10]);
-        let end = Instant::now() + Duration::from_secs(1);
-        let result = loop {
-            match host.ask(DEKA + 41, &[bus]) {
-                Nack(41) if Instant::now() < end => (),
-                result => break result,
-            }
-        };
+        let result =
+            wait_for("a result", || Some(host.ask(DEKA + 41, &[bus])).filter(|got| *got != Nack(41)));
         assert_eq!((result, host.ask(DEKA + 42, &[bus])), (Data(vec![1, 0]), Nack(43)));
     }
     // Every channel of the converter, in both of its units. Motors' and battery's values are always known.
