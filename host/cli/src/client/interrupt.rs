@@ -11,7 +11,7 @@ use signal_hook::consts::{SIGHUP, SIGQUIT, SIGTSTP};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_usize;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -38,8 +38,8 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(5);
 /// for this time, the hub's keep-alive of 2.5 s has disabled its motors.
 const FORCED_EXIT_AFTER: Duration = Duration::from_secs(3);
 
-/// Name of the first signal received, and the condition variable that announces this signal.
-static RECEIVED_SIGNAL: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
+/// Name of the first signal received.
+static RECEIVED_SIGNAL: OnceLock<&str> = OnceLock::new();
 static LISTENING: OnceLock<()> = OnceLock::new();
 
 /// Makes signals end the command in good order instead of ending the program.
@@ -72,8 +72,7 @@ fn watch(raised: &AtomicUsize) {
         match first {
             None => {
                 first = Some(Instant::now());
-                *RECEIVED_SIGNAL.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(name);
-                RECEIVED_SIGNAL.1.notify_all();
+                let _ = RECEIVED_SIGNAL.set(name);
             }
             Some(first) if first.elapsed() > FORCED_EXIT_AFTER => std::process::exit(1),
             Some(_) => (),
@@ -122,9 +121,14 @@ mod console {
 
 /// Waits until the time `until`. Fails as soon as a signal has been received.
 pub(super) fn wait(until: Instant) -> Result<(), Failure> {
-    let length = until.saturating_duration_since(Instant::now());
-    let caught = RECEIVED_SIGNAL.0.lock().unwrap_or_else(PoisonError::into_inner);
-    let waited = RECEIVED_SIGNAL.1.wait_timeout_while(caught, length, |caught| caught.is_none());
-    let (caught, _) = waited.unwrap_or_else(PoisonError::into_inner);
-    caught.map_or(Ok(()), |name| Err(Failure::Work(format!("stopped by {name}"))))
+    loop {
+        if let Some(name) = RECEIVED_SIGNAL.get() {
+            return Err(Failure::Work(format!("stopped by {name}")));
+        }
+        let rest = until.saturating_duration_since(Instant::now());
+        if rest.is_zero() {
+            return Ok(());
+        }
+        thread::sleep(rest.min(CHECK_INTERVAL));
+    }
 }

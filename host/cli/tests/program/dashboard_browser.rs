@@ -16,6 +16,9 @@ fn a_tab_that_is_killed_loses_its_motors() {
     with_two_pages("killed", kill, "the page in control was closed", Duration::from_secs(2));
 }
 
+/// A way to stop the motors.
+type Way<'a> = &'a dyn Fn(&mut Tab<'_>);
+
 #[test]
 fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() {
     const FIELD: &str = "#motors input[type=number]";
@@ -24,7 +27,7 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
         std::thread::sleep(Duration::from_millis(300));
         tab.press(ESCAPE);
     };
-    let ways: [(&str, &dyn Fn(&mut Tab<'_>)); 9] = [
+    let ways: [(&str, Way<'_>); 9] = [
         ("a click", &|tab| tab.click("#stop")),
         ("Escape", &|tab| tab.press(ESCAPE)),
         ("Space", &|tab| tab.press(SPACE)),
