@@ -2,7 +2,7 @@
 
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, print, print_json};
-use crate::parse::{fraction, whole};
+use crate::parse::{share, whole};
 use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
@@ -28,7 +28,7 @@ pub(crate) struct Options {
 struct ControlOptions {
     /// Control value as a fraction of full scale, -1 to 1
     #[arg(long, value_name = "FRACTION", value_parser = fraction)]
-    control: Option<f64>,
+    control: Option<Control>,
     /// Control value in steps of the protocol, -32767 to 32767
     #[arg(long, value_name = "STEPS")]
     #[arg(value_parser = whole("a control value", -32_767..=i16::MAX, "steps"))]
@@ -38,9 +38,12 @@ struct ControlOptions {
 impl ControlOptions {
     /// Returns the control value. The parser makes sure that one of the options is given.
     fn value(&self) -> Control {
-        let steps = self.control.map(|fraction| (fraction * f64::from(Control::MAX.get())).round() as i16);
-        Control::new(steps.or(self.control_steps).unwrap_or_default())
+        self.control.or(self.control_steps.map(Control::new)).unwrap_or_default()
     }
+}
+
+fn fraction(text: &str) -> Result<Control, &'static str> {
+    share(text).ok_or("a control value is a number from -1 to 1; give steps by --control-steps")
 }
 
 impl Options {

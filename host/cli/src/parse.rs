@@ -5,6 +5,7 @@ use clap::{Arg, Command};
 use motor_hub::protocol::payload::ByteIn;
 use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
+use motor_hub::units::Control;
 use motor_hub_client::line::is_tcp;
 use simulated::scenario::LONGEST_S;
 use std::fmt::Display;
@@ -154,10 +155,10 @@ pub(crate) fn battery_mv(text: &str) -> Result<u16, String> {
     })
 }
 
-/// Parses a control value as a fraction of full scale.
-pub(crate) fn fraction(text: &str) -> Result<f64, String> {
-    let value = within(text, -1.0..=1.0);
-    value.ok_or_else(|| "a control value is a number from -1 to 1; give steps by --control-steps".to_owned())
+/// Parses a share of full control, -1 to 1; `None` for any other text.
+pub(crate) fn share(text: &str) -> Option<Control> {
+    let share = within(text, -1.0..=1.0)?;
+    Some(Control::new((share * f64::from(Control::MAX.get())).round() as i16))
 }
 
 fn within(text: &str, allowed: RangeInclusive<f64>) -> Option<f64> {

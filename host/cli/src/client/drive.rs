@@ -6,7 +6,7 @@ use super::motors_off::DrivingSession;
 use super::readings::{Live, Reading, repeat};
 use super::shaft_speed::{ShaftOptions, Speed};
 use crate::output::{Failure, print};
-use crate::parse::{MotorName, address, common_hub, motor, whole, within_a_day};
+use crate::parse::{MotorName, address, common_hub, motor, share, whole, within_a_day};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::Address;
 use motor_hub::units::Control;
@@ -64,10 +64,8 @@ fn motors(text: &str) -> Result<Motors, String> {
     Ok(Motors { hub, numbers: numbers.into_iter().collect() })
 }
 
-pub(super) fn power(text: &str) -> Result<Control, String> {
-    let share = text.parse().ok().filter(|share: &f64| (-1.0..=1.0).contains(share));
-    let power = share.map(|share| Control::new((share * f64::from(Control::MAX.get())).round() as i16));
-    power.ok_or("a power is a share of full power, -1 to 1".to_owned())
+fn power(text: &str) -> Result<Control, &'static str> {
+    share(text).ok_or("a power is a share of full power, -1 to 1")
 }
 
 /// Parses amperes, and returns milliamperes.

@@ -4,14 +4,14 @@ mod keys;
 #[cfg(unix)]
 mod terminal;
 
-use super::drive::{ALL, power};
+use super::drive::ALL;
 use super::hub::HubOptions;
 use super::interrupt;
 use super::motion::{check_enabled, warn_of};
 use super::motors_off::{DrivingSession, report};
 use super::readings::{Live, MotorReading, motors_of};
 use crate::output::{Failure, print};
-use crate::parse::{number, whole};
+use crate::parse::{number, share, whole};
 use keys::{Jog, Key};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
@@ -54,9 +54,8 @@ pub(super) struct Options {
     hold: f64,
 }
 
-fn some_power(text: &str) -> Result<Control, String> {
-    let some = power(text).ok().filter(|power| power.get() > 0);
-    some.ok_or_else(|| "the power is a share above 0 and at most 1".to_owned())
+fn some_power(text: &str) -> Result<Control, &'static str> {
+    share(text).filter(|power| power.get() > 0).ok_or("the power is a share above 0 and at most 1")
 }
 
 /// Longest wait for a key before the hub is read again.
