@@ -8,8 +8,6 @@ mod common;
 #[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/conformance/mod.rs"]
 mod conformance;
-mod overlay;
+mod image;
 #[path = "../../../studies/tests/scenario_files/mod.rs"]
 mod scenario_files;
-mod scenarios;
-mod serve;
