@@ -193,7 +193,7 @@ fn a_save_that_the_hub_never_ends_is_reported_after_ten_seconds() {
 }
 
 #[test]
-fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
+fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     let store = store("dashboard-saved");
     let of_motor_1 = |message: &Value| message["kind"] == "settings" && message["motor"] == 1;
     let mut dashboard = Dashboard::start(&["--store", &store]);
@@ -210,13 +210,27 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     page.until("a third motor", |_, message| of_motor_1(message) && message["name"] == "NeveRest 40");
     page.order("load", Value::Null);
     page.until("the stored motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
+    for (given, shown) in [(json!(0), "0"), (json!(255), "255"), (json!(3000), "3000")] {
+        let why = page.refused("address", json!({ "new": given }));
+        assert_eq!(why, format!("an address is {shown}; allowed is 1 to 254"));
+    }
+    page.order("address", json!({ "new": 9 }));
+    page.notice("the hub has address 9 also after a reset; the stored settings of the motors are kept");
+    page.run(0);
+    page.order("stop", Value::Null);
+    page.off("stopped");
+    // The hub writes its address after the answer.
+    page.stay(Duration::from_millis(300));
     dashboard.end();
 
-    let again = Dashboard::start(&["--store", &store]);
+    // The address may be given instead of found.
+    let again = Dashboard::start(&["--store", &store, "--address", "9"]);
     let mut page = Page::open(&again);
     let seen = page.until("its settings", |_, message| of_motor_1(message));
     assert_eq!((&seen["name"], &seen["duty"]), (&json!("Core Hex"), &json!("linear-duty")), "{seen}");
-
+    page.order("status", Value::Null);
+    let status = page.message("status");
+    assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
     page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
     page.order("reset", Value::Null);
     page.until("the firmware's settings", |_, message| {
@@ -228,46 +242,8 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
     assert_eq!(line["stores"], false);
     assert!(page.refused("save", Value::Null).contains("store its settings"));
-}
-
-#[test]
-fn a_hub_keeps_its_new_address_and_its_stored_settings() {
-    let store = store("dashboard-address");
-    let says = |page: &mut Page, fields: Value, words: &str| {
-        page.order("address", fields);
-        page.notice(words);
-    };
-    let mut dashboard = Dashboard::start(&["--store", &store]);
-    let mut page = Page::ready(&dashboard);
-    page.order("set-up", json!({ "motor": 1, "name": "Core Hex", "scheme": "C", "duty": "linear-duty" }));
-    page.order("save", Value::Null);
-    page.notice("settings are saved");
-    for (given, shown) in [(json!(0), "0"), (json!(255), "255"), (json!(3000), "3000")] {
-        let why = page.refused("address", json!({ "new": given }));
-        assert_eq!(why, format!("an address is {shown}; allowed is 1 to 254"));
-    }
-    let kept = "the hub has address 9 also after a reset; the stored settings of the motors are kept";
-    says(&mut page, json!({ "new": 9 }), kept);
-    page.run(0);
-    page.order("stop", Value::Null);
-    page.off("stopped");
-    // The hub writes its address after the answer.
-    page.stay(Duration::from_millis(300));
-    dashboard.end();
-
-    let again = Dashboard::start(&["--store", &store]);
-    let mut page = Page::ready(&again);
-    page.order("status", Value::Null);
-    let status = page.message("status");
-    assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
-    drop((page, again));
-    // The address may be given instead of found.
-    let given = Dashboard::start(&["--store", &store, "--address", "9"]);
-    Page::ready(&given);
-
-    let other = Dashboard::start(&[]);
-    let unknown = "at least until its next reset; it does not report whether it stores addresses";
-    says(&mut Page::ready(&other), json!({ "new": 9 }), unknown);
+    page.order("address", json!({ "new": 9 }));
+    page.notice("at least until its next reset; it does not report whether it stores addresses");
 }
 
 #[test]
