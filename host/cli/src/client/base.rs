@@ -4,7 +4,7 @@ use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::repeat;
 use super::together::{enable_with_power_0, run_group};
-use crate::output::{Failure, print, print_error_line, print_json};
+use crate::output::{Failure, print, print_as, print_error_line};
 use crate::parse::{number, within_a_day};
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
@@ -148,7 +148,7 @@ impl Options {
             }
             Ok(driven.odometry()?)
         })?;
-        print(&text(&end))
+        print(&format!("{}\n", text(&end)))
     }
 }
 
@@ -166,10 +166,7 @@ fn await_gyro(session: &mut Session) -> Result<(), Failure> {
 /// Prints position and heading of the drive base.
 pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let report = hub.open(None)?.odometry()?;
-    if !json {
-        return print(&text(&report));
-    }
-    print_json(&OdometryValues::of(&report))
+    print_as(json, &OdometryValues::of(&report), text(&report))
 }
 
 fn text(report: &OdometryReport) -> String {
@@ -183,5 +180,5 @@ fn text(report: &OdometryReport) -> String {
     };
     let losses =
         if report.losses == 0 { String::new() } else { format!(", gyro lost {} times", report.losses) };
-    format!("x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {gyro}{losses}\n")
+    format!("x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {gyro}{losses}")
 }

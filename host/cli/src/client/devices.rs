@@ -15,7 +15,7 @@ use motor_hub_client::error::or_reason;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::time::Duration;
-use studies::table;
+use studies::{table, with_fields};
 
 /// Interval between two packets that keep servos and digital outputs on.
 const KEEP_ON: Duration = Duration::from_millis(500);
@@ -116,9 +116,7 @@ impl ServoOptions {
                 &of.width_us.to_string(),
                 enabled,
             ]);
-            servos.push(json!({
-                "servo": number, "period_us": of.period_us, "width_us": of.width_us, "enabled": of.enabled,
-            }));
+            servos.push(with_fields(json!({ "servo": number }), json!(of)));
         }
         print_as(self.json, &json!({ "servos": servos }), table)
     }

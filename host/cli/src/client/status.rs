@@ -4,8 +4,7 @@ use super::drive::ALL;
 use super::hub::HubOptions;
 use super::readings::{MotorReading, alert_words, motors_of};
 use crate::output::{Failure, print_as};
-use motor_hub::extension::report::BusReport;
-use motor_hub::extension::report::Condition;
+use motor_hub::extension::report::{BusReport, Condition};
 use motor_hub::motor::{SenseLine, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::motor::RunMode;
@@ -42,8 +41,8 @@ struct HubStatus {
     bulk: Bulk,
     /// `None` if the hub does not report its bus.
     bus: Option<BusReport>,
-    /// Condition of each motor; `None` if the hub does not report conditions.
-    conditions: Vec<Option<Condition>>,
+    /// Condition of each motor; empty if the hub does not report conditions.
+    conditions: Vec<Condition>,
 }
 
 impl Options {
@@ -66,10 +65,9 @@ impl HubStatus {
         }
         let bulk = session.bulk()?;
         let bus = session.bus()?;
-        let conditions = match bus {
-            Some(_) => (0..).zip(&motors).map(|(motor, _)| session.condition(motor).map(Some)).collect(),
-            None => Ok(vec![None; motors.len()]),
-        }?;
+        let reporting = if bus.is_some() { motors.len() } else { 0 };
+        let conditions =
+            (0..).take(reporting).map(|motor| session.condition(motor)).collect::<Result<_, _>>()?;
         // The status is read last, so that the hub clears it only after all other values have been read.
         let status = session.status(clear)?;
         Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
@@ -80,7 +78,7 @@ impl HubStatus {
     }
 
     fn condition(&self, motor: u8) -> Option<&Condition> {
-        self.conditions.get(usize::from(motor))?.as_ref()
+        self.conditions.get(usize::from(motor))
     }
 
     fn battery_v(&self) -> f64 {
