@@ -58,21 +58,20 @@ impl Constants {
         })
     }
 
-    /// Returns the resistance; `None` if it is not given.
     pub(crate) fn resistance(&self) -> Result<Option<Resistance>, Failure> {
         self.resistance_ohm.map(Resistance::from_ohms).transpose().map_err(Failure::input)
     }
 
-    /// Returns the inductance; `None` if it is not given.
     pub(crate) fn inductance(&self) -> Result<Option<Inductance>, Failure> {
         self.inductance_mh.map(Inductance::from_millihenries).transpose().map_err(Failure::input)
     }
 
     /// Returns a motor with these constants, without gearbox, drag and inertia.
     pub(crate) fn motor(&self) -> Result<Motor, Failure> {
-        let all = (self.emf()?, self.resistance()?, self.inductance()?);
-        let (Some(ke), Some(counts), Some(ohms), Some(mh), (Some(_), Some(_), Some(_))) =
-            (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh, all)
+        // Checks the constants.
+        (self.emf()?, self.resistance()?, self.inductance()?);
+        let (Some(ke), Some(counts), Some(ohms), Some(mh)) =
+            (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh)
         else {
             let why = "name the motor by --motor, or give --ke-v-s-per-rad, --counts-per-rev, --resistance-ohm and --inductance-mh";
             return Err(Failure::input(why));

@@ -7,13 +7,11 @@ use clap_mangen::Man;
 use std::path::Path;
 use studies::paper::Document;
 
-/// Prints the comparison with the paper.
 pub(crate) fn paper(json: bool) -> Result<(), Failure> {
     let document = Document::new().map_err(Failure::work)?;
     if json { print_json(&document) } else { print(&document.text()) }
 }
 
-/// Draws the figures in a folder.
 pub(crate) fn figures(out: &Path) -> Result<(), Failure> {
     let folder = Folder::new(out)?;
     let figures = studies::figures::all().map_err(Failure::work)?;
@@ -23,14 +21,12 @@ pub(crate) fn figures(out: &Path) -> Result<(), Failure> {
     print_paths(&folder.write_all(files)?)
 }
 
-/// Prints the script of a shell.
 pub(crate) fn completions(shell: Shell, mut command: Command) -> Result<(), Failure> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut command, "motor-hub", &mut script);
     print(&String::from_utf8(script).map_err(Failure::work)?)
 }
 
-/// Writes the manual pages to a folder.
 pub(crate) fn man(out: &Path, mut command: Command) -> Result<(), Failure> {
     let folder = Folder::new(out)?;
     command.build();

@@ -5,7 +5,6 @@ use serde_json::Value;
 use std::io::Read;
 use studies::eval::{Answers, answers};
 
-/// The long help of the command.
 const HELP: &str = "\
 The scripting interface: computes cases of a JSON document
 
@@ -52,7 +51,6 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// Reads the document, computes its cases, and prints the results.
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", self.file));
         let text = self.read().map_err(|e| wrong(&e))?;

@@ -35,12 +35,10 @@ impl fmt::Display for Failure {
 }
 
 impl Failure {
-    /// Returns the failure for wrong options or input.
     pub(crate) fn input(why: impl ToString) -> Self {
         Self::Input(why.to_string())
     }
 
-    /// Returns the failure for any other reason.
     pub(crate) fn work(why: impl ToString) -> Self {
         Self::Work(why.to_string())
     }
@@ -141,7 +139,6 @@ pub(crate) fn in_steps<T>(units: &'static str, work: impl FnOnce(&mut dyn FnMut(
 /// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
-/// Returns charts as SVG files.
 pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
     figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }

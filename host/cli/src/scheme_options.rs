@@ -24,7 +24,6 @@ const DUTY_RULES: [(&str, &str, DutyRule); 2] = [
     ("linear-duty", "The duty is linear between the points, as in the paper", DutyRule::LinearDuty),
 ];
 
-/// Returns the scheme with its blend.
 pub(crate) fn scheme(name: SchemeName, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
     name.with_blend(blend).map_err(without_d)
 }
@@ -56,7 +55,6 @@ impl SchemeOptions {
         }
     }
 
-    /// Returns true if no option is given.
     pub(crate) const fn is_empty(&self) -> bool {
         self.scheme.is_none() && self.blend.is_none() && self.duty.is_none()
     }

@@ -225,9 +225,7 @@ impl Serving {
         }
         printed
     }
-}
 
-impl Serving {
     /// Returns the place by which hosts on this machine open the hub from any working directory.
     #[cfg(unix)]
     fn named(&self, line: &Line) -> Result<String, Failure> {

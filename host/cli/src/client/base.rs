@@ -163,7 +163,6 @@ fn await_gyro(session: &mut Session) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints position and heading of the drive base.
 pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let report = hub.open(None)?.odometry()?;
     print_as(json, &OdometryValues::of(&report), text(&report))

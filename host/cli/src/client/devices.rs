@@ -37,7 +37,6 @@ pub(super) fn equipment_text(equipment: Equipment) -> String {
     if parts.is_empty() { "motors only".to_owned() } else { parts.join(", ") }
 }
 
-/// Returns a JSON document that lists the devices of a hub.
 pub(super) fn equipment_json(equipment: Equipment) -> Value {
     json!({
         "servos": equipment.servos,
@@ -133,7 +132,6 @@ impl ServoOptions {
     }
 }
 
-/// Prints the analog inputs, the supplies and the temperature.
 pub(super) fn analog(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let session = &mut hub.open(None)?;
     let mut table = table::new(&["channel", "value", "raw"], 0);
@@ -270,7 +268,6 @@ fn device(text: &str) -> Result<I2cAddress, String> {
     address.ok_or_else(|| "an I2C address is 0 to 127, or 0x00 to 0x7f".to_owned())
 }
 
-/// Fails if a transfer had an error.
 fn check(status: I2cStatus, bus: I2cBus, address: I2cAddress) -> Result<(), Failure> {
     match status.error() {
         None => Ok(()),
@@ -309,7 +306,6 @@ impl I2c {
     }
 }
 
-/// Lists the devices on one bus or on all buses.
 fn scan(session: &mut Session, only: Option<I2cBus>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["bus", "devices"], 1);
     let mut buses = Vec::new();

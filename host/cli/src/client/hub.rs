@@ -36,7 +36,6 @@ pub(super) struct HubOptions {
 }
 
 impl HubOptions {
-    /// Returns the places of `--port` and `--tcp`.
     pub(super) fn places(&self) -> impl Iterator<Item = String> {
         self.port.iter().chain(&self.tcp).cloned()
     }

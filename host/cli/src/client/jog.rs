@@ -32,8 +32,7 @@ const WORDS: &str = "\
 A terminal repeats a key that is held. After --hold-s seconds without a key the motors are regulated to a stop, also when a \
 remote connection hangs. The terminal is restored at the end, except after SIGKILL.";
 
-/// Returns the text of the long help.
-pub(super) fn help() -> String {
+fn help() -> String {
     format!("Drives motors by keys, while a key is held\n\n{KEYS}\n\n{WORDS}")
 }
 

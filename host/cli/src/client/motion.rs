@@ -47,7 +47,6 @@ impl Motion {
         Ok(())
     }
 
-    /// Fails if the hub has disabled a motor.
     pub(super) fn check(&self, session: &mut Session) -> Result<(), Failure> {
         self.motors.iter().try_for_each(|motor| check_enabled(session, *motor))
     }

@@ -8,7 +8,6 @@ use serde_json::json;
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
-/// Prints the serial ports of this machine.
 pub(super) fn show(json: bool) -> Result<(), Failure> {
     if !json {
         return print(&list()?);
@@ -16,7 +15,6 @@ pub(super) fn show(json: bool) -> Result<(), Failure> {
     print_json(&json!({ "ports": all()? }))
 }
 
-/// Returns the serial ports of this machine.
 pub(super) fn all() -> Result<Vec<Port>, Failure> {
     line::ports().map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))
 }
