@@ -63,7 +63,7 @@ impl Hub {
     /// Returns a hub just after its reset, with a battery of 12.345 V.
     pub(crate) fn new() -> Self {
         Self {
-            responder: responder(),
+            responder: responder_at(ADDRESS),
             snapshot: Snapshot {
                 battery: Some(Millivolts::new(12_345)),
                 draw_stage: DrawStage::Full,
@@ -180,11 +180,6 @@ pub(crate) fn first(mut count: u32, is: impl Fn(&Packet) -> bool + Send + 'stati
     })
 }
 
-/// State of a hub just after its reset.
-pub(crate) fn responder() -> Responder<4> {
-    responder_at(ADDRESS)
-}
-
 /// State of a hub with this address just after its reset.
 pub(crate) fn responder_at(address: u8) -> Responder<4> {
     Responder::new(Address::new(address).unwrap(), [Settings::new(Winding::NEVEREST_60); 4])
@@ -202,7 +197,7 @@ pub(crate) const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
 
 /// Returns the responder of a hub with this slot for new firmware. `booted` says how the firmware was started.
 pub(crate) fn started(slot: Slot, booted: Booted) -> Responder<4> {
-    let mut responder = responder().with_slot(slot);
+    let mut responder = responder_at(ADDRESS).with_slot(slot);
     responder.update_done(SlotReport::Booted(booted));
     responder
 }
