@@ -69,7 +69,9 @@ impl Constants {
     /// Returns a motor with these constants, without gearbox, drag and inertia.
     pub(crate) fn motor(&self) -> Result<Motor, Failure> {
         // Checks the constants.
-        (self.emf()?, self.resistance()?, self.inductance()?);
+        self.emf()?;
+        self.resistance()?;
+        self.inductance()?;
         let (Some(ke), Some(counts), Some(ohms), Some(mh)) =
             (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh)
         else {
