@@ -39,7 +39,9 @@ const PACKET: &str = r#"{"method":"Network.webSocketFrame"#;
 const POLL: Duration = Duration::from_millis(20);
 
 /// Ends the browser and removes its profile when standard input is closed. The shell outlives Ctrl-C for this purpose.
-const KEEPER: &str = r#"trap '' INT; "$@" & read -r end; kill -KILL $!; wait; rm -rf "$PROFILE""#;
+/// Helpers of the browser may still write for a moment.
+const KEEPER: &str = r#"trap '' INT; "$@" & read -r end; kill -KILL $!; wait
+    while rm -rf "$PROFILE"; sleep 0.1; [ -e "$PROFILE" ]; do :; done"#;
 
 /// A running Chromium with an empty profile. It ends with this value, or with the process of the tests.
 pub(crate) struct Browser {
