@@ -6,7 +6,6 @@
 //! variants.
 
 mod charts;
-mod gains;
 mod row;
 mod score;
 mod tasks;

@@ -153,26 +153,22 @@ fn calibrated([left, right]: [End; 2]) -> DriveBase {
 
 /// A page with a table of all squares.
 pub fn page(all: &[Squares]) -> Page {
-    let headings = [
-        "heading by",
-        "end left, mm",
-        "end right, mm",
-        "heading left, degrees",
-        "right, degrees",
-        "odometry off by, mm",
-    ];
-    let mut table = table::new(&headings, 1);
-    for Squares { name, ends: [left, right] } in all {
-        let odometry = left.odometry_mm.zip(right.odometry_mm).map(|(left, right)| left.max(right));
-        table.add_row([
-            (*name).to_owned(),
-            format!("{:.0}", left.distance_mm),
-            format!("{:.0}", right.distance_mm),
-            format!("{:.2}", left.heading_degrees),
-            format!("{:.2}", right.heading_degrees),
-            odometry.map_or_else(|| "-".to_owned(), |mm| format!("{mm:.0}")),
-        ]);
-    }
+    let odometry = |ends: &[End; 2]| {
+        let [left, right] = ends.map(|end| end.odometry_mm);
+        left.zip(right).map_or_else(|| "-".to_owned(), |(left, right)| format!("{:.0}", left.max(right)))
+    };
+    let table = table::of(
+        all,
+        1,
+        &[
+            ("heading by", &|squares| squares.name.to_owned()),
+            ("end left, mm", &|squares| format!("{:.0}", squares.ends[0].distance_mm)),
+            ("end right, mm", &|squares| format!("{:.0}", squares.ends[1].distance_mm)),
+            ("heading left, degrees", &|squares| format!("{:.2}", squares.ends[0].heading_degrees)),
+            ("right, degrees", &|squares| format!("{:.2}", squares.ends[1].heading_degrees)),
+            ("odometry off by, mm", &|squares| odometry(&squares.ends)),
+        ],
+    );
     let mut page = Page::new(
         "A drive base drives round a square of 4 m, to the left and to the right, and ends where it began, if its heading is right. Its \
          wheels are 1 % unlike, its track is 2 % wider than configured, and its wheels lose 5 % of each turn by slipping. The table has the \

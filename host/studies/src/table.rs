@@ -39,6 +39,20 @@ pub fn new(headings: &[&str], left: usize) -> Table {
     Table { headings, left, rows: Vec::new(), narrowest: 0 }
 }
 
+/// Creates a table with a row for each item. Each column has a heading, and a function that returns the text of an item.
+pub(crate) fn of<T>(
+    items: impl IntoIterator<Item = T>,
+    left: usize,
+    columns: &[(&str, &dyn Fn(&T) -> String)],
+) -> Table {
+    let headings: Vec<&str> = columns.iter().map(|(heading, _)| *heading).collect();
+    let mut table = new(&headings, left);
+    for item in items {
+        table.add_row(columns.iter().map(|(_, text)| text(&item)));
+    }
+    table
+}
+
 impl Table {
     /// Adds a row; a number that rounds to zero has no sign.
     pub fn add_row(&mut self, cells: impl IntoIterator<Item: ToString>) -> &mut Self {

@@ -1,7 +1,7 @@
 //! The runs as charts: one for each task and round.
 
 use super::row::Row;
-use super::variant::{Variant, in_words};
+use super::variant::Variant;
 use super::{Round, TaskResult};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
@@ -87,7 +87,7 @@ fn lines(
             Scheme::C => colour::GREEN,
             Scheme::D(_) => colour::PURPLE,
         };
-        Series::new(in_words(&row.variant), colour, style, data(row, value))
+        Series::new(variant.in_words(), colour, style, data(row, value))
     });
     goal.into_iter().chain(lines).collect()
 }

@@ -1,23 +1,29 @@
 //! One run of the comparison, and its measures.
 
-use super::gains::Gains;
 use super::tasks::Task;
+use super::tuning::Gains;
 use super::variant::Variant;
 use crate::StudyError;
 use crate::measures::Measures;
 use crate::table;
+use motor_hub::braking::DutyRule;
 use serde::Serialize;
+use simulated::scheme::SchemeWords;
 use simulated::sim;
 use simulated::trace::Trace;
 
 /// The measures of one task under one variant.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Row {
-    /// The variant's name.
-    pub(super) variant: String,
-    /// Scheme, duty rule and regulator of the variant.
+    /// The variant.
+    pub(super) variant: Variant,
+    /// Scheme of the variant.
     #[serde(flatten)]
-    pub(super) of: Variant,
+    scheme: SchemeWords,
+    /// Duty rule of the variant.
+    duty: DutyRule,
+    /// Regulator of the variant, "model" or "PID".
+    regulator: &'static str,
     /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
     /// Seconds until the motor has [settled](crate::settling); null if it never settles.
@@ -69,8 +75,10 @@ impl Row {
         let response = measures.responses.first().ok_or(StudyError::NoEvent)?;
         let fault = trace.motor(0).any(|(_, sample)| sample.report.faults.encoder.is_some());
         Ok(Self {
-            variant: variant.name(),
-            of: variant,
+            variant,
+            scheme: SchemeWords(variant.scheme),
+            duty: variant.duty,
+            regulator: variant.regulator.name(),
             gains,
             settling_s: response.settling_s,
             overshoot_percent: response.overshoot_percent,

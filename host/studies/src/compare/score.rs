@@ -1,14 +1,14 @@
 //! Finds the best variants at each task by the measures alone, and scores all variants.
 
 use super::Round;
-use super::gains::Gains;
 use super::row::Row;
+use super::tuning::Gains;
 use super::variant::Variant;
 use serde::Serialize;
 
 /// A column of the table of winners.
-struct Column {
-    name: &'static str,
+pub(super) struct Column {
+    pub(super) name: &'static str,
     /// Measure of a run; the smallest is the best. `None` if the task has no such measure, or if the motor did not
     /// settle.
     value: fn(&Row) -> Option<f64>,
@@ -18,7 +18,7 @@ struct Column {
 
 /// Differences up to half a control period, half a percent, one count per second, and a hundredth of an ampere or of a
 /// joule are ties.
-const COLUMNS: [Column; 6] = [
+pub(super) const COLUMNS: [Column; 6] = [
     Column { name: "settling", value: |r| r.settling_s, tie: 0.026 },
     Column { name: "overshoot", value: |r| r.overshoot_percent, tie: 0.5 },
     Column { name: "rms error", value: |r| Some(r.rms_error), tie: 1.0 },
@@ -38,14 +38,14 @@ pub(super) struct Winner {
     /// Name of the column.
     pub(super) column: &'static str,
     /// The best variant, and all variants that tie with it; empty if no variant has this measure without a fault.
-    pub(super) variants: Vec<String>,
+    pub(super) variants: Vec<Variant>,
 }
 
 /// The results of a variant over all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Score {
-    /// Name of the variant.
-    pub(super) variant: String,
+    /// The variant.
+    pub(super) variant: Variant,
     /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,
     /// Geometric mean, over the tasks, of a ratio: the variant's integral of |error| to the least integral of all
@@ -76,7 +76,7 @@ pub(super) fn winners(round: &Round) -> Vec<Winner> {
             winners.push(Winner {
                 task: result.task.key,
                 column: column.name,
-                variants: result.rows.iter().filter(tied).map(|row| row.variant.clone()).collect(),
+                variants: result.rows.iter().filter(tied).map(|row| row.variant).collect(),
             });
         }
     }
@@ -92,7 +92,6 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
         for (index, variant) in Variant::ALL.into_iter().enumerate() {
             let rows: Vec<&Row> = round.tasks.iter().filter_map(|result| result.rows.get(index)).collect();
             let Some(gains) = rows.first().map(|row| row.gains) else { continue };
-            let variant = variant.name();
             if scores.iter().any(|score| score.variant == variant && score.gains == gains) {
                 continue;
             }
@@ -100,6 +99,7 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
                 rows.iter().enumerate().map(|(task, row)| error(row) / least(rounds, task)).collect();
             let many = ratios.len().max(1) as f64;
             scores.push(Score {
+                variant,
                 gains,
                 error_ratio: (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / many).exp(),
                 worst_ratio: ratios.iter().copied().fold(1.0, f64::max),
@@ -107,7 +107,6 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
                 failures: rows.iter().filter(|row| row.fails()).count(),
                 ratios,
                 wins: winners.iter().filter(|winner| winner.variants.contains(&variant)).count(),
-                variant,
             });
         }
     }

@@ -1,13 +1,14 @@
 //! The comparison as text: the verdict first, then the tables.
 
 use super::charts::VARIANT_GROUPS;
-use super::gains::Gains;
 use super::row::Row;
-use super::score::{Score, Winner, scores, winners};
-use super::variant::{Variant, in_words};
+use super::score::{COLUMNS, Score, Winner, scores, winners};
+use super::tuning::Gains;
+use super::variant::Variant;
 use super::{Round, TaskResult};
 use crate::page::Page;
 use crate::table::{self, Table};
+use motor_hub::braking::Scheme;
 
 /// Explains the other measures below the tables.
 const DEFINITIONS: &str = "\
@@ -72,7 +73,7 @@ fn verdict(rounds: &[Round]) -> Page {
     };
     let mut page = Page::new(format!(
         "{} wins: it has the least error on average over {} tasks{}.",
-        in_words(&best.variant),
+        best.variant.in_words(),
         tasks.len(),
         beaten_at(best, tasks)
     ));
@@ -93,7 +94,7 @@ fn verdict(rounds: &[Round]) -> Page {
             score.error_ratio, score.failures
         )
     };
-    let without = scores.iter().find(|score| score.variant.starts_with("none"));
+    let without = scores.iter().find(|score| score.variant.scheme == Scheme::ForwardReverse);
     let without = without.map(|score| {
         format!("The best without a braking regime is \"{}\": {}.", with_gains(score), losses(score))
     });
@@ -106,8 +107,7 @@ fn verdict(rounds: &[Round]) -> Page {
     );
     for round in rounds {
         page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words()));
-        let columns = ["settling", "overshoot", "rms error", "peak jerk", "limit cycle", "returned"];
-        page.list(columns.map(|column| format!("{column}: {}", most_often(round, column))));
+        page.list(COLUMNS.map(|column| format!("{}: {}", column.name, most_often(round, column.name))));
     }
     let mut what = table::new(&["task", "what happens"], 2);
     for result in tasks {
@@ -134,40 +134,30 @@ fn beaten_at(best: &Score, tasks: &[TaskResult]) -> String {
 }
 
 fn with_gains(score: &Score) -> String {
-    let name = in_words(&score.variant);
+    let name = score.variant.in_words();
     score.gains.map_or_else(|| name.clone(), |Gains { p, i }| format!("{name} with P = {p} f, I = {i} f"))
 }
 
 fn scores_table(scores: &[Score], tasks: &[TaskResult]) -> Table {
-    let headings = [
-        "variant",
-        "P/f",
-        "I/f",
-        "|error|, mean",
-        "worst",
-        "worst at",
-        "peak jerk, mean",
-        "not settled",
-        "cells won",
-    ];
-    let mut table = table::new(&headings, 1);
-    for score in scores {
-        let [p, i] = words(score.gains);
+    let worst_at = |score: &Score| {
         let worst = score.ratios.iter().zip(tasks).max_by(|a, b| a.0.total_cmp(b.0));
-        let worst = worst.filter(|(ratio, _)| **ratio >= 1.005);
-        table.add_row([
-            in_words(&score.variant),
-            p,
-            i,
-            format!("{:.2}", score.error_ratio),
-            format!("{:.2}", score.worst_ratio),
-            worst.map_or("-", |(_, result)| result.task.key).to_owned(),
-            format!("{:.2} A", score.mean_jerk_a),
-            score.failures.to_string(),
-            score.wins.to_string(),
-        ]);
-    }
-    table
+        worst.filter(|(ratio, _)| **ratio >= 1.005).map_or("-", |(_, result)| result.task.key).to_owned()
+    };
+    table::of(
+        scores,
+        1,
+        &[
+            ("variant", &|score| score.variant.in_words()),
+            ("P/f", &|score| factor(score.gains, |gains| gains.p)),
+            ("I/f", &|score| factor(score.gains, |gains| gains.i)),
+            ("|error|, mean", &|score| format!("{:.2}", score.error_ratio)),
+            ("worst", &|score| format!("{:.2}", score.worst_ratio)),
+            ("worst at", &|score| worst_at(score)),
+            ("peak jerk, mean", &|score| format!("{:.2} A", score.mean_jerk_a)),
+            ("not settled", &|score| score.failures.to_string()),
+            ("cells won", &|score| score.wins.to_string()),
+        ],
+    )
 }
 
 fn setting(round: &Round) -> String {
@@ -179,100 +169,61 @@ fn setting(round: &Round) -> String {
 }
 
 fn all_measures(round: &Round) -> Table {
-    let headings = [
-        "task",
-        "variant",
-        "P/f",
-        "I/f",
-        "settling",
-        "overshoot",
-        "rms error",
-        "peak jerk",
-        "limit cycle",
-        "returned",
-        "|error|",
-    ];
-    let mut table = table::new(&headings, 2);
-    for result in &round.tasks {
-        for (number, row) in result.rows.iter().enumerate() {
-            let task = if number == 0 { result.task.key } else { "" };
-            table.add_row([[task.to_owned(), in_words(&row.variant)].to_vec(), cells(row)].concat());
-        }
-    }
-    table
+    let rows = round.tasks.iter().flat_map(|result| {
+        let named = |(number, row)| (if number == 0 { result.task.key } else { "" }, row);
+        result.rows.iter().enumerate().map(named)
+    });
+    table::of(
+        rows,
+        2,
+        &[
+            ("task", &|(task, _)| (*task).to_owned()),
+            ("variant", &|(_, row)| row.variant.in_words()),
+            ("P/f", &|(_, row)| factor(row.gains, |gains| gains.p)),
+            ("I/f", &|(_, row)| factor(row.gains, |gains| gains.i)),
+            ("settling", &|(_, row)| row.settling()),
+            ("overshoot", &|(_, row)| table::percent(row.overshoot_percent)),
+            ("rms error", &|(_, row)| format!("{:.1}", row.rms_error)),
+            ("peak jerk", &|(_, row)| format!("{:.2}", row.peak_jerk_a)),
+            ("limit cycle", &|(_, row)| format!("{:.1}", row.limit_cycle)),
+            ("returned", &|(_, row)| format!("{:.2}", row.energy_returned_j)),
+            ("|error|", &|(_, row)| format!("{:.0}", row.absolute_error)),
+        ],
+    )
 }
 
-fn cells(row: &Row) -> Vec<String> {
-    let [p, i] = words(row.gains);
-    vec![
-        p,
-        i,
-        row.settling(),
-        table::percent(row.overshoot_percent),
-        format!("{:.1}", row.rms_error),
-        format!("{:.2}", row.peak_jerk_a),
-        format!("{:.1}", row.limit_cycle),
-        format!("{:.2}", row.energy_returned_j),
-        format!("{:.0}", row.absolute_error),
-    ]
-}
-
-/// P and I as multiples of `f`, as text for tables; "-" for the model.
-fn words(gains: Option<Gains>) -> [String; 2] {
-    gains.map_or(["-".to_owned(), "-".to_owned()], |Gains { p, i }| [p.to_string(), i.to_string()])
+/// P or I as a multiple of `f`, as text for tables; "-" for the model.
+fn factor(gains: Option<Gains>, of: fn(Gains) -> f64) -> String {
+    gains.map_or("-".to_owned(), |gains| of(gains).to_string())
 }
 
 fn settling_times(round: &Round, shown: fn(&Variant) -> bool) -> Table {
-    let variants: Vec<usize> =
-        Variant::ALL.iter().enumerate().filter(|(_, v)| shown(v)).map(|(index, _)| index).collect();
-    let names: Vec<String> = variants
-        .iter()
-        .filter_map(|index| Variant::ALL.get(*index))
-        .map(|variant| in_words(&variant.name()))
-        .collect();
+    let names: Vec<String> = Variant::ALL.into_iter().filter(shown).map(Variant::in_words).collect();
     let headings: Vec<&str> = ["task"].into_iter().chain(names.iter().map(String::as_str)).collect();
     let mut table = table::new(&headings, 1);
     for result in &round.tasks {
-        let times = variants.iter().filter_map(|index| result.rows.get(*index)).map(Row::settling);
+        let times = result.rows.iter().filter(|row| shown(&row.variant)).map(Row::settling);
         table.add_row([result.task.key.to_owned()].into_iter().chain(times));
     }
     table
 }
 
 fn winners_of(page: &mut Page, round: &Round) {
-    let winners = winners(round);
-    let columns: Vec<&str> = winners
-        .iter()
-        .take_while(|w| Some(w.task) == winners.first().map(|f| f.task))
-        .map(|w| w.column)
-        .collect();
-    let mut table = table::new(&[&["task"], &columns[..]].concat(), columns.len() + 1);
-    let all = round.tasks.first().map_or(0, |result| result.rows.len());
-    for task in winners.chunk_by(|a, b| a.task == b.task) {
-        let name = task.first().map_or("", |w| w.task).to_owned();
-        table.add_row([vec![name], task.iter().map(|w| short(w, all)).collect()].concat());
+    let headings = [&["task"], &COLUMNS.map(|column| column.name)[..]].concat();
+    let mut table = table::new(&headings, headings.len());
+    for (result, winners) in round.tasks.iter().zip(winners(round).chunks(COLUMNS.len())) {
+        table.add_row([result.task.key.to_owned()].into_iter().chain(winners.iter().map(signs)));
     }
     page.table(&format!("Winners with {}", round.tuning.key_in_words()), table);
     page.text(SIGNS);
 }
 
 /// The winners of a cell by the signs that [`SIGNS`] explains.
-fn short(winner: &Winner, all: usize) -> String {
+fn signs(winner: &Winner) -> String {
     match winner.variants.len() {
         0 => "-".to_owned(),
-        n if n == all => "*".to_owned(),
-        _ => {
-            let sign = |name: &String| {
-                let (scheme, rule) = name.split_once(", ").unwrap_or((name, ""));
-                let scheme = if scheme == "none" { "0" } else { scheme };
-                match rule {
-                    "linear duty" => scheme.to_lowercase(),
-                    "model" => format!("{scheme}'"),
-                    _ => scheme.to_owned(),
-                }
-            };
-            winner.variants.iter().map(sign).collect::<Vec<_>>().join(" ")
-        }
+        all if all == Variant::ALL.len() => "*".to_owned(),
+        _ => winner.variants.iter().map(|variant| variant.sign).collect::<Vec<_>>().join(" "),
     }
 }
 
@@ -281,12 +232,9 @@ fn most_often(round: &Round, column: &str) -> String {
     // A cell where all are equal, or none succeeds, has no winner.
     let decided = |w: &Winner| w.column == column && (1..Variant::ALL.len()).contains(&w.variants.len());
     let winners: Vec<Winner> = winners(round).into_iter().filter(decided).collect();
-    let counted: Vec<(usize, String)> = Variant::ALL
-        .into_iter()
-        .map(|variant| variant.name())
-        .map(|name| (winners.iter().filter(|w| w.variants.contains(&name)).count(), name))
-        .collect();
-    let most = counted.iter().map(|c| c.0).max().unwrap_or(0);
-    let best: Vec<String> = counted.iter().filter(|c| c.0 == most).map(|c| in_words(&c.1)).collect();
+    let wins = |variant: &Variant| winners.iter().filter(|w| w.variants.contains(variant)).count();
+    let most = Variant::ALL.iter().map(wins).max().unwrap_or(0);
+    let best: Vec<String> =
+        Variant::ALL.into_iter().filter(|variant| wins(variant) == most).map(Variant::in_words).collect();
     format!("{} ({most} of {})", best.join("; "), winners.len())
 }
