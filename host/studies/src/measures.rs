@@ -12,7 +12,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::settling::{Goal, Settling, changes, settling};
+use crate::settling::{Change, Goal, Settling, changes, settling};
 use crate::table;
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
@@ -113,24 +113,10 @@ impl fmt::Display for RegimeShares {
 }
 
 impl Goal {
-    /// The speed or position of the goal, in its unit.
-    fn target(self) -> f64 {
-        match self {
-            Self::Velocity(target) | Self::Position { counts: target, .. } => target,
-        }
-    }
-
     fn unit(self) -> &'static str {
         match self {
             Self::Velocity(_) => "counts/s",
             Self::Position { .. } => "counts",
-        }
-    }
-
-    fn value(self, point: &Point) -> f64 {
-        match self {
-            Self::Velocity(_) => point.speed_cps,
-            Self::Position { .. } => point.counts as f64,
         }
     }
 }
@@ -157,19 +143,16 @@ impl Measures {
 }
 
 fn responses(motor: &Motor, span_s: &Range<f64>, motion: &[Point]) -> Vec<Response> {
-    let mut changes = changes(motor);
-    changes.retain(|at_s| span_s.contains(at_s));
-    let ends = changes.iter().skip(1).copied().chain([span_s.end]);
-    let phases = changes.iter().copied().zip(ends);
-    phases.filter_map(|(from, to)| response(motor, from..to, motion)).collect()
+    let mut changes = changes(motor, span_s.end);
+    changes.retain(|change| span_s.contains(&change.span_s.start));
+    changes.into_iter().filter_map(|change| response(motor, change, motion)).collect()
 }
 
-fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Response> {
+fn response(motor: &Motor, change: Change, motion: &[Point]) -> Option<Response> {
+    let Change { span_s, old: before, goal, torque, .. } = change;
     let Range { start: from_s, end: to_s } = span_s;
-    let goal = Goal::of(motor.setpoint_at(from_s))?;
     let within = motion.get(motion.partition_point(|point| point.at_s < from_s)..).unwrap_or_default();
     let within = within.get(..within.partition_point(|point| point.at_s < to_s)).unwrap_or_default();
-    let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
     let old = match before {
         // After a change of run mode, the step begins at the motor's present speed or position.
         Some(before) if before.unit() == goal.unit() => before.target(),
@@ -177,7 +160,7 @@ fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Respo
     };
     let new = goal.target();
     let stepped = motor.setpoints.iter().any(|s| s.at_s == from_s);
-    let settling = settling(goal, Goal::speed_before(before, within), span_s.clone(), within);
+    let settling = settling(goal, Goal::speed_before(before, within), span_s, within);
 
     let errors: Vec<f64> = within.iter().map(|point| goal.value(point) - new).collect();
     let errors_since =
@@ -192,7 +175,7 @@ fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Respo
         change: if stepped {
             format!("{:.0} to {new:.0} {}", old + 0.0, goal.unit())
         } else {
-            format!("torque to {} N m", motor.torque_at(from_s))
+            format!("torque to {} N m", torque)
         },
         task: task(goal, stepped),
         unit: goal.unit(),
@@ -250,7 +233,7 @@ fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
 }
 
 /// Root mean square; 0 without values.
-fn rms(values: &[f64]) -> f64 {
+pub(crate) fn rms(values: &[f64]) -> f64 {
     // `sum` of no values is -0, whose sign would be shown.
     let sum = values.iter().fold(0.0, |sum, value| sum + value * value);
     (sum / values.len().max(1) as f64).sqrt()

@@ -82,6 +82,21 @@ impl Goal {
         }
     }
 
+    /// The speed or position of the goal, in its unit.
+    pub(crate) const fn target(self) -> f64 {
+        match self {
+            Self::Velocity(target) | Self::Position { counts: target, .. } => target,
+        }
+    }
+
+    /// The speed or position of a motor, in the unit of the goal.
+    pub(crate) const fn value(self, point: &Point) -> f64 {
+        match self {
+            Self::Velocity(_) => point.speed_cps,
+            Self::Position { .. } => point.counts as f64,
+        }
+    }
+
     /// The speed before a change, in counts/s: of the previous goal if it was a velocity, else the motor's own speed at
     /// the change.
     pub fn speed_before(before: Option<Self>, points: &[Point]) -> f64 {
@@ -147,13 +162,36 @@ pub fn rest_s(length_s: f64) -> f64 {
     (REST_SHARE * length_s).max(LEAST_REST_S)
 }
 
-/// Times in seconds at which the set-point of a motor or the torque on its shaft changes, each once, ascending. The
-/// torque at the start is no change.
-pub(crate) fn changes(motor: &Motor) -> Vec<f64> {
+/// A change of the set-point of a motor or of the torque on its shaft, for a motor whose speed or position is regulated.
+#[derive(Clone, Debug)]
+pub(crate) struct Change {
+    /// Time of the change and of the next one, in seconds.
+    pub(crate) span_s: Range<f64>,
+    /// The goal before the change; `None` if the motor was not regulated.
+    pub(crate) old: Option<Goal>,
+    /// The goal after the change.
+    pub(crate) goal: Goal,
+    /// Torque on the output shaft before the change, in N m.
+    pub(crate) old_torque: f64,
+    /// Torque on the output shaft after the change, in N m.
+    pub(crate) torque: f64,
+}
+
+/// The changes of a motor by time. The last one extends to `end_s`. The torque at the start is no change.
+pub(crate) fn changes(motor: &Motor, end_s: f64) -> Vec<Change> {
     let torques = motor.torques.iter().map(|timed| timed.at_s).filter(|at_s| *at_s > 0.0);
-    let mut changes: Vec<f64> = motor.setpoints.iter().map(|timed| timed.at_s).chain(torques).collect();
-    changes.sort_by(f64::total_cmp);
-    changes.dedup();
+    let mut times: Vec<f64> = motor.setpoints.iter().map(|timed| timed.at_s).chain(torques).collect();
+    times.retain(|at_s| *at_s < end_s);
+    times.push(end_s);
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let (mut old, mut old_torque, mut changes) = (None, 0.0, Vec::new());
+    for pair in times.windows(2) {
+        let &[from_s, to_s] = pair else { continue };
+        let (goal, torque) = (Goal::of(motor.setpoint_at(from_s)), motor.torque_at(from_s));
+        changes.extend(goal.map(|goal| Change { span_s: from_s..to_s, old, goal, old_torque, torque }));
+        (old, old_torque) = (goal, torque);
+    }
     changes
 }
 

@@ -21,7 +21,7 @@ pub use responses::{Kind, Verdict};
 pub use scenario_file::toml;
 
 use crate::StudyError;
-use crate::settling::Goal;
+use crate::settling::{Change, Goal};
 use fastest::settleable;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
@@ -42,10 +42,6 @@ pub enum Knowledge {
     Lighter,
     /// 1.4 times the true inertia is configured.
     Heavier,
-    /// Half of the true inertia is configured. Only the long sweep uses this configuration.
-    HalfInertia,
-    /// Twice the true inertia is configured. Only the long sweep uses this configuration.
-    DoubleInertia,
     /// Only the winding is configured; the hub learns the acceleration per volt.
     Unknown,
     /// The constants of the cold motor are configured, but the motor is hot: its magnets are 10 % weaker, and its
@@ -61,10 +57,14 @@ pub enum Knowledge {
     EmfHigh,
     /// The constants of another specimen of the same product are configured.
     Sibling,
+    /// Half of the true inertia is configured. Only the long sweep uses this configuration.
+    HalfInertia,
+    /// Twice the true inertia is configured. Only the long sweep uses this configuration.
+    DoubleInertia,
 }
 
 impl Knowledge {
-    /// All configurations except those of the long sweep.
+    /// All configurations except those of the long sweep, in the order of the variants.
     pub const ALL: [Self; 10] = [
         Self::Exact,
         Self::Lighter,
@@ -168,6 +168,13 @@ pub struct Response {
     pub verdicts: Vec<Verdict>,
 }
 
+impl Response {
+    /// The verdict for a configuration; `None` for one of the long sweep.
+    pub fn verdict(&self, knowledge: Knowledge) -> Option<&Verdict> {
+        self.verdicts.get(knowledge as usize)
+    }
+}
+
 /// The responses of random scenarios.
 #[derive(Clone, Debug, Serialize)]
 pub struct Survey {
@@ -212,7 +219,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let possible = settleable(&scenario, &challenges)?;
     // Runs end with the last response that can be settled.
     let can_settle = challenges.iter().zip(&possible).filter(|(_, possible)| **possible);
-    let Some(end_ms) = can_settle.map(|(challenge, _)| challenge.to_ms).max() else {
+    let Some(end_ms) = can_settle.map(|(challenge, _)| challenge.to_ms()).max() else {
         return Ok((challenges.len(), Vec::new()));
     };
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
@@ -235,7 +242,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             Some(Response {
                 scenario: number,
                 motor: challenge.motor,
-                at_s: challenge.from_ms as f64 / 1e3,
+                at_s: challenge.from_ms() as f64 / 1e3,
                 kind: challenge.kind,
                 what: what(challenge),
                 circumstances: circumstances(&scenario, challenge.motor),
@@ -255,12 +262,13 @@ fn what(challenge: &Challenge) -> String {
         Goal::Velocity(speed) => format!("{speed:.0} cps"),
         Goal::Position { counts, .. } => format!("count {counts:.0}"),
     };
-    let from = challenge.old.map_or("off".to_owned(), goal);
+    let &Change { old, goal: new, old_torque, torque, .. } = &challenge.change;
+    let from = old.map_or("off".to_owned(), goal);
     let length = challenge.length_s();
     if challenge.kind == Kind::Load {
-        format!("{from}, {:.3} -> {:.3} N m, {length:.1} s", challenge.old_torque, challenge.torque)
+        format!("{from}, {old_torque:.3} -> {torque:.3} N m, {length:.1} s")
     } else {
-        format!("{from} -> {}, {:.3} N m, {length:.1} s", goal(challenge.goal), challenge.torque)
+        format!("{from} -> {}, {torque:.3} N m, {length:.1} s", goal(new))
     }
 }
 
@@ -300,6 +308,11 @@ fn friction_percent(motor: &Motor) -> f64 {
 mod tests {
     use super::*;
     use motor_hub::model::catalogue::characterised;
+
+    #[test]
+    fn verdicts_are_in_the_order_of_the_configurations() {
+        assert_eq!(Knowledge::ALL.map(|knowledge| knowledge as usize), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    }
 
     #[test]
     fn a_sibling_is_the_next_specimen_of_the_product_with_the_friction_of_the_motor() {

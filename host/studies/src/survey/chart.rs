@@ -57,11 +57,10 @@ pub fn survey(survey: &Survey) -> NamedFigure {
     let panels = [("without dry friction", of(false)), ("with dry friction", of(true))];
     let panels = panels.map(|(which, responses)| {
         let colours = [colour::BLUE, colour::GREEN, colour::PURPLE, colour::RED];
-        let curves =
-            Knowledge::OF_MOTION.into_iter().zip(colours).enumerate().map(|(index, (knowledge, colour))| {
-                let verdicts = responses.iter().filter_map(|response| response.verdicts.get(index));
-                ((knowledge.name(), colour), times(verdicts))
-            });
+        let curves = Knowledge::OF_MOTION.into_iter().zip(colours).map(|(knowledge, colour)| {
+            let verdicts = responses.iter().filter_map(|response| response.verdict(knowledge));
+            ((knowledge.name(), colour), times(verdicts))
+        });
         panel(&format!("{which}, {} responses", responses.len()), curves.collect())
     });
     let Survey { seed, scenarios, .. } = survey;

@@ -3,7 +3,7 @@
 
 use super::responses::{Challenge, Kind};
 use crate::StudyError;
-use crate::settling::{Goal, rest_s};
+use crate::settling::{Change, Goal, rest_s};
 use motor_hub::braking::{Modulator, OperatingPoint};
 use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
@@ -211,14 +211,14 @@ pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Resul
 impl Machine {
     /// The motor's state after a challenge that can be settled.
     fn answer(&self, challenge: &Challenge, at: &State, period: f64) -> Option<State> {
-        let Challenge { torque, old_torque, .. } = *challenge;
+        let Change { goal, torque, old_torque, .. } = challenge.change;
         let surprise = if challenge.kind == Kind::Load || torque != old_torque {
             self.per_torque * (torque - old_torque) * (period + SURPRISE_S)
         } else {
             0.0
         };
         let from = at.speed + surprise;
-        let (ideal, counts, after) = match challenge.goal {
+        let (ideal, counts, after) = match goal {
             Goal::Velocity(to) => {
                 let (ideal, _) = self.run_up(from, to, torque)?;
                 let way = to * challenge.length_s();

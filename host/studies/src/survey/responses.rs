@@ -2,7 +2,8 @@
 //! millisecond.
 
 use crate::StudyError;
-use crate::settling::{Goal, changes, rest_s, settling};
+use crate::measures::rms;
+use crate::settling::{Change, Goal, changes, rest_s, settling};
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::Point;
@@ -28,62 +29,57 @@ pub enum Kind {
     Position,
 }
 
+impl Kind {
+    fn of(change: &Change) -> Self {
+        match (change.old, change.goal) {
+            (Some(old), goal) if old == goal => Self::Load,
+            (_, Goal::Position { .. }) => Self::Position,
+            (_, Goal::Velocity(to)) if to != 0.0 && to.abs() < CRAWL_CPS => Self::Crawl,
+            (Some(Goal::Velocity(from)), Goal::Velocity(to)) if from * to < 0.0 => Self::Reversal,
+            _ => Self::Speed,
+        }
+    }
+}
+
 /// Speeds below this limit, in counts/s, are a crawl.
 const CRAWL_CPS: f64 = 60.0;
 
 /// A change that a motor responds to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Challenge {
     pub(super) motor: usize,
-    pub(super) from_ms: usize,
-    pub(super) to_ms: usize,
     pub(super) kind: Kind,
-    /// The goal before the change; `None` if the motor was not regulated.
-    pub(super) old: Option<Goal>,
-    pub(super) goal: Goal,
-    /// Torque on the output shaft before the change, in N m.
-    pub(super) old_torque: f64,
-    /// Torque on the output shaft during the response, in N m.
-    pub(super) torque: f64,
+    pub(super) change: Change,
 }
 
 impl Challenge {
     /// Time to the next change, in seconds.
     pub(super) fn length_s(&self) -> f64 {
-        (self.to_ms - self.from_ms) as f64 / 1e3
+        (self.to_ms() - self.from_ms()) as f64 / 1e3
     }
-}
 
-/// All changes of a scenario, by motor and time.
-pub(super) fn challenges(scenario: &Scenario) -> Vec<Challenge> {
-    scenario.motors.iter().enumerate().flat_map(|(index, motor)| of_motor(scenario, index, motor)).collect()
+    /// Time of the change in milliseconds.
+    pub(super) fn from_ms(&self) -> usize {
+        millisecond(self.change.span_s.start)
+    }
+
+    /// Time of the next change in milliseconds.
+    pub(super) fn to_ms(&self) -> usize {
+        millisecond(self.change.span_s.end)
+    }
 }
 
 fn millisecond(at_s: f64) -> usize {
     (1e3 * at_s).round() as usize
 }
 
-fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> {
-    let times = changes(motor);
-    let ends = times.iter().copied().skip(1).chain([scenario.duration_s]);
-    let mut before = (None, 0.0);
-    let mut all = Vec::new();
-    for (from_s, to_s) in times.iter().copied().zip(ends) {
-        let (old, old_torque) = before;
-        let (goal, torque) = (Goal::of(motor.setpoint_at(from_s)), motor.torque_at(from_s));
-        before = (goal, torque);
-        let Some(goal) = goal else { continue };
-        let kind = match (old, goal) {
-            (Some(old), _) if old == goal => Kind::Load,
-            (_, Goal::Position { .. }) => Kind::Position,
-            (_, Goal::Velocity(to)) if to != 0.0 && to.abs() < CRAWL_CPS => Kind::Crawl,
-            (Some(Goal::Velocity(from)), Goal::Velocity(to)) if from * to < 0.0 => Kind::Reversal,
-            _ => Kind::Speed,
-        };
-        let (from_ms, to_ms) = (millisecond(from_s), millisecond(to_s));
-        all.push(Challenge { motor: index, from_ms, to_ms, kind, old, goal, old_torque, torque });
-    }
-    all
+/// All changes of a scenario, by motor and time.
+pub(super) fn challenges(scenario: &Scenario) -> Vec<Challenge> {
+    let of_motor = |(motor, plan): (usize, &Motor)| {
+        let changes = changes(plan, scenario.duration_s).into_iter();
+        changes.map(move |change| Challenge { motor, kind: Kind::of(&change), change })
+    };
+    scenario.motors.iter().enumerate().flat_map(of_motor).collect()
 }
 
 /// A motor at one millisecond.
@@ -136,29 +132,27 @@ pub struct Verdict {
 
 /// Judges a response by the motion of its motor.
 pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
-    let span = track.get(challenge.from_ms..challenge.to_ms.min(track.len())).unwrap_or_default();
+    let (Change { old, goal, .. }, from_ms, to_ms) =
+        (&challenge.change, challenge.from_ms(), challenge.to_ms());
+    let span = track.get(from_ms..to_ms.min(track.len())).unwrap_or_default();
     let points: Vec<Point> = span.iter().map(|at| at.point).collect();
-    let before = Goal::speed_before(challenge.old, &points);
-    let band = challenge.goal.band(before);
-    let errors = challenge.goal.errors(&points);
-    let deviations: Vec<f64> = match challenge.goal {
-        Goal::Velocity(to) => points.iter().map(|point| point.speed_cps - to).collect(),
-        Goal::Position { .. } => errors.clone(),
-    };
-    let span_s = challenge.from_ms as f64 / 1e3..challenge.to_ms as f64 / 1e3;
+    let before = Goal::speed_before(*old, &points);
+    let band = goal.band(before);
+    let errors = goal.errors(&points);
+    let deviations: Vec<f64> = points.iter().map(|point| goal.value(point) - goal.target()).collect();
+    let span_s = from_ms as f64 / 1e3..to_ms as f64 / 1e3;
     let last = |length: usize| errors.get(errors.len().saturating_sub(length)..).unwrap_or_default();
     let rest = (1e3 * rest_s(challenge.length_s())).round() as usize;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let ending = last(SWING_MS);
     let low = ending.iter().copied().fold(f64::INFINITY, f64::min);
     let high = ending.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let squares: Vec<f64> = ending.iter().map(|error| error * error).collect();
     Verdict {
-        settling_s: settling(challenge.goal, before, span_s, &points).seconds(),
+        settling_s: settling(*goal, before, span_s, &points).seconds(),
         beyond_percent: beyond(challenge, &deviations),
         cycles: low < -band && high > band,
         last_error: mean(last(rest)),
-        last_rms: mean(&squares).sqrt(),
+        last_rms: rms(ending),
         last_swing: (low, high),
         fault: span.iter().any(|at| at.fault),
         stalled: span.iter().any(|at| at.stalled),
@@ -167,8 +161,9 @@ pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
 
 fn beyond(challenge: &Challenge, errors: &[f64]) -> Option<f64> {
     let peak = |error: &mut dyn FnMut(&f64) -> f64| errors.iter().map(error).fold(0.0, f64::max);
+    let &Change { goal, torque, old_torque, .. } = &challenge.change;
     if challenge.kind == Kind::Load {
-        return match challenge.goal {
+        return match goal {
             Goal::Velocity(speed) if speed.abs() >= CRAWL_CPS => {
                 Some(100.0 * peak(&mut |error| error.abs()) / speed.abs())
             }
@@ -176,7 +171,7 @@ fn beyond(challenge: &Challenge, errors: &[f64]) -> Option<f64> {
         };
     }
     let first = *errors.first()?;
-    let position = matches!(challenge.goal, Goal::Position { .. });
-    (first.abs() >= CRAWL_CPS && (position || challenge.torque == challenge.old_torque))
+    let position = matches!(goal, Goal::Position { .. });
+    (first.abs() >= CRAWL_CPS && (position || torque == old_torque))
         .then(|| 100.0 * peak(&mut |error| -error * first.signum()) / first.abs())
 }

@@ -54,12 +54,7 @@ fn headline(parts: Parts<'_>) -> String {
         add("responses of bare motors", [of(|cell| &cell.configured), of(|cell| &cell.unknown)]);
     }
     if let Some(Survey { responses, .. }) = parts.survey {
-        let of = |wanted: Knowledge| {
-            let index = Knowledge::ALL.into_iter().position(|knowledge| knowledge == wanted);
-            index.map_or_else(Vec::new, |index| {
-                all(responses, index).into_iter().map(|(_, verdict)| verdict).collect()
-            })
-        };
+        let of = |knowledge| all(responses, knowledge).into_iter().map(|(_, verdict)| verdict).collect();
         add("random responses", [of(Knowledge::Exact), of(Knowledge::Unknown)]);
     }
     format!("Configured exactly, the hub settles {}.", results.join(", "))
@@ -199,21 +194,7 @@ fn in_short(verdict: &Verdict) -> String {
 /// The random scenarios: all responses, then which never settle, then the worst.
 fn random(page: &mut Page, survey: &Survey, worst: usize) {
     let Survey { seed, scenarios, total_responses, responses } = survey;
-    let headings = [
-        "configuration",
-        "never settled, %",
-        "swings, %",
-        "settling, median / p90",
-        "beyond, median / p90, %",
-        "load peak, p90, %",
-        "positions never settled, %",
-        "faults",
-    ];
-    let mut table = table::new(&headings, 1);
-    for (index, knowledge) in Knowledge::ALL.into_iter().enumerate() {
-        table.add_row(summary(knowledge, &all(responses, index)));
-    }
-    page.table("Random scenarios", table);
+    page.table("Random scenarios", summary(responses));
     page.text(&format!(
         "Seed {seed}, {scenarios} scenarios, {total_responses} responses; the {} that can be settled are counted. Beyond: largest \
          error beyond the set-point, in % of the step. p90: nine of ten responses are below.",
@@ -246,16 +227,16 @@ fn random(page: &mut Page, survey: &Survey, worst: usize) {
         DutyRule::LinearDuty => (0, "linear duty".to_owned()),
         DutyRule::LinearCurrent => (1, "linear current".to_owned()),
     });
-    for (index, knowledge) in Knowledge::OF_MOTION.into_iter().enumerate() {
+    for knowledge in Knowledge::OF_MOTION {
         let caption = format!("The worst random responses, {}", knowledge.name());
-        page.table(&caption, the_worst(index, responses, worst));
+        page.table(&caption, the_worst(knowledge, responses, worst));
     }
 }
 
 type Answer<'a> = (&'a Response, &'a Verdict);
 
-fn all(responses: &[Response], index: usize) -> Vec<Answer<'_>> {
-    responses.iter().filter_map(|response| Some((response, response.verdicts.get(index)?))).collect()
+fn all<'a>(responses: impl IntoIterator<Item = &'a Response>, knowledge: Knowledge) -> Vec<Answer<'a>> {
+    responses.into_iter().filter_map(|response| Some((response, response.verdict(knowledge)?))).collect()
 }
 
 fn percent(part: usize, whole: usize) -> String {
@@ -268,7 +249,7 @@ fn never(answers: &[Answer<'_>]) -> String {
 }
 
 /// The value below which this share of the values lies; `None` if there are no values.
-fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
+fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let index = (share * values.len().saturating_sub(1) as f64).round() as usize;
     values.get(index).copied()
@@ -278,27 +259,39 @@ fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-fn summary(knowledge: Knowledge, answers: &[Answer<'_>]) -> Vec<String> {
-    let count = |test: fn(&Verdict) -> bool| answers.iter().filter(|(_, verdict)| test(verdict)).count();
-    let mut settling: Vec<f64> =
-        answers.iter().map(|(_, verdict)| verdict.settling_s.unwrap_or(f64::INFINITY)).collect();
-    let of = |load: bool| -> Vec<f64> {
-        let chosen = answers.iter().filter(|(response, _)| (response.kind == Kind::Load) == load);
-        chosen.filter_map(|(_, verdict)| verdict.beyond_percent).collect()
+fn summary(responses: &[Response]) -> Table {
+    let count = |answers: &[Answer<'_>], test: fn(&Verdict) -> bool| {
+        answers.iter().filter(|(_, verdict)| test(verdict)).count()
     };
-    let (mut beyond, mut peak) = (of(false), of(true));
-    let positions: Vec<Answer<'_>> =
-        answers.iter().filter(|(response, _)| response.kind == Kind::Position).copied().collect();
-    vec![
-        knowledge.name().to_owned(),
-        never(answers),
-        percent(count(|verdict| verdict.cycles), answers.len()),
-        [0.5, 0.9].map(|share| table::seconds(quantile(&mut settling, share))).join(" / "),
-        [0.5, 0.9].map(|share| number(quantile(&mut beyond, share), 1)).join(" / "),
-        number(quantile(&mut peak, 0.9), 0),
-        never(&positions),
-        count(|verdict| verdict.fault).to_string(),
-    ]
+    let settling = |answers: &[Answer<'_>], share| {
+        let times = answers.iter().map(|(_, verdict)| verdict.settling_s.unwrap_or(f64::INFINITY));
+        quantile(times.collect(), share)
+    };
+    let beyond = |answers: &[Answer<'_>], load, share| {
+        let chosen = answers.iter().filter(|(response, _)| (response.kind == Kind::Load) == load);
+        quantile(chosen.filter_map(|(_, verdict)| verdict.beyond_percent).collect(), share)
+    };
+    table::of(
+        Knowledge::ALL.map(|knowledge| (knowledge, all(responses, knowledge))),
+        1,
+        &[
+            ("configuration", &|(knowledge, _)| knowledge.name().to_owned()),
+            ("never settled, %", &|(_, answers)| never(answers)),
+            ("swings, %", &|(_, answers)| percent(count(answers, |verdict| verdict.cycles), answers.len())),
+            ("settling, median / p90", &|(_, answers)| {
+                [0.5, 0.9].map(|share| table::seconds(settling(answers, share))).join(" / ")
+            }),
+            ("beyond, median / p90, %", &|(_, answers)| {
+                [0.5, 0.9].map(|share| number(beyond(answers, false, share), 1)).join(" / ")
+            }),
+            ("load peak, p90, %", &|(_, answers)| number(beyond(answers, true, 0.9), 0)),
+            ("positions never settled, %", &|(_, answers)| {
+                let position = |(response, _): &&Answer<'_>| response.kind == Kind::Position;
+                never(&answers.iter().filter(position).copied().collect::<Vec<_>>())
+            }),
+            ("faults", &|(_, answers)| count(answers, |verdict| verdict.fault).to_string()),
+        ],
+    )
 }
 
 /// A table of the percentage of responses that never settle, by a property of the responses. `of` gives the rank of the
@@ -311,23 +304,16 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     let headings: Vec<&str> = [title, "responses"].into_iter().chain(names).collect();
     let mut table = table::new(&headings, 1);
     for value in values {
-        let mut row = vec![value.1.clone()];
-        for index in 0..Knowledge::OF_MOTION.len() {
-            let answers: Vec<_> =
-                all(responses, index).into_iter().filter(|(response, _)| of(response) == value).collect();
-            if index == 0 {
-                row.push(answers.len().to_string());
-            }
-            row.push(never(&answers));
-        }
-        table.add_row(row);
+        let matching: Vec<&Response> = responses.iter().filter(|response| of(response) == value).collect();
+        let shares = Knowledge::OF_MOTION.map(|knowledge| never(&all(matching.iter().copied(), knowledge)));
+        table.add_row([value.1, matching.len().to_string()].into_iter().chain(shares));
     }
     table
 }
 
 /// The responses that never settle or that swing, then the responses with the largest error beyond the set-point.
-fn the_worst(index: usize, responses: &[Response], worst: usize) -> Table {
-    let mut answers = all(responses, index);
+fn the_worst(knowledge: Knowledge, responses: &[Response], worst: usize) -> Table {
+    let mut answers = all(responses, knowledge);
     // Responses that do not settle come first.
     let rank = |verdict: &Verdict| {
         let unsettled = verdict.settling_s.is_none();
@@ -349,7 +335,7 @@ fn the_worst(index: usize, responses: &[Response], worst: usize) -> Table {
             response.what.clone(),
             response.circumstances.clone(),
             in_short(verdict),
-            verdict.beyond_percent.map_or("-".to_owned(), |percent| format!("{percent:.1}")),
+            number(verdict.beyond_percent, 1),
         ]);
     }
     table
