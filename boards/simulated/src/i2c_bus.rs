@@ -31,7 +31,7 @@ impl ErrorType for SimulatedBus {
 
 impl I2c for SimulatedBus {
     async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
-        match self.board.i2c_fault(self.bus) {
+        match self.board.with_i2c(|devices| devices.fault(self.bus)) {
             Fault::None => (),
             Fault::NoAcknowledge => return Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
             Fault::StuckData | Fault::Interrupted => {

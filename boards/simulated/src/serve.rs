@@ -18,7 +18,6 @@
 //! ```
 
 mod chain_line;
-mod host_line;
 pub mod interventions;
 mod line;
 mod memory;
@@ -175,7 +174,7 @@ struct Served {
 
 impl Served {
     fn new(scenario: &Scenario) -> Self {
-        let (board, wires) = (sim::board(scenario), Wires::new());
+        let (board, wires) = (Board::new(scenario), Wires::new());
         // The record lasts as long as the process, because a simulated hub is never reset.
         wires.open_record(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
         let health = Health::new().expecting(Task::Responder);
@@ -277,12 +276,12 @@ pub async fn steps(
         }
         if interventions.restarts != before.restarts {
             begun_s = at_s;
-            served.iter().for_each(|hub| sim::connect_as_at_start(scenario, &hub.board));
+            served.iter().for_each(|hub| hub.board.connect_as_at_start(scenario));
         }
         let scenario_s = at_s - begun_s;
         for (index, hub) in served.iter().enumerate() {
             let scenario = if index == 0 { &replaced } else { scenario };
-            sim::change(scenario, &hub.board, scenario_s);
+            hub.board.change(scenario, scenario_s);
             hub.board.run(Seconds(sim::STEP_S), &sim::torques(scenario, scenario_s));
             if hub.board.starved() {
                 return Err(RunError::Starved);

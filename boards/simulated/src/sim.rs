@@ -15,17 +15,15 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::i2c::Fault;
 use crate::i2c_bus::SimulatedBus;
-use crate::scenario::{Attached, Motor, Scenario, Timed};
+use crate::scenario::{Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join_array, join3, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
-use motor_hub::board::{ANALOG_INPUTS, DIGITAL_PINS, I2C_BUSES};
+use motor_hub::board::I2C_BUSES;
 use motor_hub::hub::{Hub, Snapshot};
-use motor_hub::model::bus::Bus;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::Supply;
@@ -131,49 +129,6 @@ pub(crate) fn tasks<'a>(
     })
 }
 
-/// Sets battery, temperatures, encoders and connected devices as the scenario has them at a time.
-pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
-    board.set_emf(scenario.emf_at(now_s));
-    let opens_at_s = scenario.bus.and_then(|bus| bus.opens_at_s);
-    board.set_contactor(opens_at_s.is_none_or(|at_s| now_s < at_s));
-    for (index, motor) in scenario.motors.iter().enumerate() {
-        board.set_temperatures(index, motor.temperatures_at(now_s));
-        board.set_encoder(index, motor.encoder_at(now_s));
-    }
-    let step = |at_s: f64| (at_s / STEP_S).round();
-    for Timed { at_s, value } in &scenario.attached_over_time {
-        if step(*at_s) == step(now_s) {
-            connect(board, value);
-        }
-    }
-}
-
-/// Connects what the scenario has connected at the start, and nothing else.
-pub(crate) fn connect_as_at_start(scenario: &Scenario, board: &Board) {
-    let nothing = Attached {
-        analog_v: vec![0.0; ANALOG_INPUTS],
-        low_pins: Some(Vec::new()),
-        i2c_faults: vec![Fault::None; I2C_BUSES],
-    };
-    connect(board, &nothing);
-    connect(board, &scenario.attached);
-}
-
-/// Changes what is connected to the pins and the I2C buses.
-fn connect(board: &Board, change: &Attached) {
-    for (input, volts) in change.analog_v.iter().enumerate() {
-        board.set_analog(input, *volts);
-    }
-    if let Some(low_pins) = &change.low_pins {
-        for pin in 0..DIGITAL_PINS as u8 {
-            board.press(pin, low_pins.iter().any(|low| low.get() == pin));
-        }
-    }
-    for (bus, fault) in change.i2c_faults.iter().enumerate() {
-        board.set_i2c_fault(bus, *fault);
-    }
-}
-
 /// External torques on the output shafts in newton metres.
 pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
     scenario.motors.iter().map(|m| m.torque_at(now_s)).collect()
@@ -188,7 +143,7 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, RunError> {
     MockDriver::get().reset();
     let settings = all_settings(&scenario.motors)?;
-    let (board, wires, health) = (board(scenario), Wires::new(), Health::new());
+    let (board, wires, health) = (Board::new(scenario), Wires::new(), Health::new());
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let tasks = tasks(scenario, &board, &wires, &health)?;
     let mut everything = pin!(join(tasks, operate(scenario, &wires)));
@@ -205,7 +160,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         // Division gives exactly the number to which a decimal in a scenario file is parsed. Multiplication may differ
         // in the last bit.
         trace.push_motion(step as f64 / 1e3, board.view().motors);
-        change(scenario, &board, now_s);
+        board.change(scenario, now_s);
         let flows = board.run(Seconds(STEP_S), &torques);
         MockDriver::get().advance(Duration::from_millis(1));
         for (sample, flow) in
@@ -233,30 +188,6 @@ pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunEr
 
 fn settings_of(motor: &Motor) -> Result<Settings, RunError> {
     motor.settings().map_err(|error| RunError::Motor { label: motor.label.clone(), error })
-}
-
-/// The board with a scenario's motors, loads and battery, at rest.
-pub(crate) fn board(scenario: &Scenario) -> Board {
-    let motors = scenario.motors.iter().map(|motor| (motor.constants, motor.load, motor.bridge));
-    let board = Board::new(scenario.battery, motors, scenario.seed);
-    if let Some(known) = &scenario.bus {
-        let mut bus = Bus::new(scenario.battery, known.capacitance_f);
-        bus.one_way = known.one_way;
-        board.set_bus(bus);
-    }
-    board.set_floor(scenario.floor);
-    board.set_gyro_errors(scenario.gyro);
-    if let Some(pins) = scenario.wire {
-        board.wire(pins.map(|pin| pin.get()));
-    }
-    connect_as_at_start(scenario, &board);
-    for (index, motor) in scenario.motors.iter().enumerate() {
-        board.set_current_line(index, motor.current_line);
-        if let Some(train) = motor.train {
-            board.set_train(index, train);
-        }
-    }
-    board
 }
 
 /// The host, which sends the scenario's commands at their times.

@@ -16,7 +16,7 @@
 use crate::hardware::MOTORS;
 use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
-use crate::world::View;
+use crate::world::{Board, View};
 use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
 use motor_hub::bridge::{BridgeFeedback, Drive};
@@ -39,16 +39,10 @@ pub struct Moment<'a> {
     pub ms: u64,
     /// The newest snapshot.
     pub snapshot: &'a Snapshot<MOTORS>,
-    /// Voltage at the battery's terminals, or of the bus.
-    pub battery_v: f64,
-    /// Highest voltage so far.
-    pub highest_v: f64,
-    /// Number of bridges that have switched themselves off.
-    pub shut_down: usize,
     /// Commands of the bridges.
     pub drives: &'a [Drive; MOTORS],
-    /// True speed in counts/s and true position in counts, by motor.
-    pub motors: &'a [(f64, i64)],
+    /// State of the world.
+    pub view: &'a View,
 }
 
 /// Runs a scenario. `each` is called every millisecond, after the tick if one is due.
@@ -59,7 +53,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     if scenario.groups.iter().any(|group| group.use_gyro) {
         return Err(RunError::Gyro);
     }
-    let mut board = sim::board(scenario);
+    let mut board = Board::new(scenario);
     let mut hub = Hub::new(sim::all_settings(&scenario.motors)?, scenario.period);
     let mut supply = Supply::new(scenario.limits);
     let mut commands = scenario.commands().into_iter().peekable();
@@ -111,11 +105,9 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             drives = snapshot.drives();
             board.apply(&drives);
         }
-        let View { battery_v, highest_v, shut_down, motors } = &board.view();
-        let (battery_v, highest_v, shut_down) = (*battery_v, *highest_v, *shut_down);
-        each(Moment { ms, snapshot: &snapshot, battery_v, highest_v, shut_down, drives: &drives, motors });
+        each(Moment { ms, snapshot: &snapshot, drives: &drives, view: &board.view() });
         let now_s = ms as f64 * STEP_S;
-        sim::change(scenario, &board, now_s);
+        board.change(scenario, now_s);
         let torques = sim::torques(scenario, now_s);
         // Without a capacitor the voltage is not watched within a millisecond.
         let parts = if scenario.bus.is_some() { PARTS } else { 1 };

@@ -2,42 +2,37 @@
 //!
 //! ```
 //! use motor_hub::board::Bridges;
-//! use motor_hub::bridge::{BridgeConstants, Drive, Mode};
-//! use motor_hub::model::{battery::Battery, catalogue::characterised, load::Load, si};
+//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::model::si::Seconds;
 //! use motor_hub::units::Duty;
-//! use simulated::world::Board;
+//! use simulated::{scenario::Scenario, world::Board};
 //!
-//! let battery = Battery { emf: si::Volts(12.0), resistance: si::Ohms(0.1) };
-//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE, BridgeConstants::IDEAL)].into_iter(), 1);
+//! let mut board = Board::new(&Scenario::to_serve());
 //! let full = Drive { mode: Mode::Cw98, duty: Duty::ONE };
 //! board.apply(&[full, Drive::COAST, Drive::COAST, Drive::COAST]);
-//! board.run(si::Seconds(0.1), &[0.0]);
+//! board.run(Seconds(0.1), &[0.0; 4]);
 //! assert!(board.view().motors[0].0 > 0.0, "it turns");
-//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::bno055::{Bno055, GyroErrors};
+use crate::bno055::Bno055;
 use crate::current_line::CurrentLine;
-use crate::encoder::{Counter, Encoder};
-use crate::ground::{Floor, Ground};
+use crate::encoder::Counter;
+use crate::ground::Ground;
 use crate::hardware::{BRIDGE, MOTORS};
-use crate::i2c::{self, I2cDevices};
+use crate::i2c::{Fault, I2cDevices};
+use crate::scenario::{Attached, Motor, Scenario, Timed};
+use crate::sim::STEP_S;
 use embassy_time::Timer;
 use motor_hub::board::{
-    ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeFaults, Bridges, CurrentSense, Devices, Encoders,
-    Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
+    ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeFaults, Bridges, CurrentSense, DIGITAL_PINS, Devices,
+    Encoders, Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
 };
 use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
 use motor_hub::group::Pose;
-use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
-use motor_hub::model::catalogue::Motor;
-use motor_hub::model::friction::Friction;
-use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Flow, Plant, PlantInput, Temperatures};
+use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
-use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
-use motor_hub::model::train::Train;
+use motor_hub::model::si::{Hertz, NewtonMetres, Seconds};
 use motor_hub::supply::{VrefintCalibration, VrefintScale};
 use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Milliamperes, Millivolts, constant};
@@ -122,95 +117,86 @@ pub struct View {
 }
 
 impl Board {
-    /// Motors with their loads and bridges on a battery, at rest; `seed` is the seed of the measurement noise.
-    pub fn new(
-        battery: Battery,
-        motors: impl Iterator<Item = (Motor, Load, BridgeConstants)>,
-        seed: u64,
-    ) -> Self {
+    /// The board of a scenario, with its motors at rest.
+    pub fn new(scenario: &Scenario) -> Self {
+        let Scenario { battery, motors, seed, floor, gyro, .. } = scenario;
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
-        let motors: Vec<_> = motors.collect();
-        let counters = (0..motors.len() as u64).map(|motor| Counter::new(seed ^ motor)).collect();
-        let bridges = motors.iter().map(|(_, _, bridge)| *bridge).collect();
-        let plants =
-            motors.into_iter().map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
-        Self(Rc::new(RefCell::new(World {
-            rig: Rig::new(battery, plants.collect()),
+        let plant = |motor: &Motor| {
+            let plant = Plant::new(motor.constants, motor.load, motor.bridge.into(), pwm);
+            if let Some(train) = motor.train { plant.with_train(train) } else { plant }
+        };
+        let mut rig = Rig::new(*battery, motors.iter().map(plant).collect());
+        if let Some(known) = &scenario.bus {
+            let mut bus = Bus::new(*battery, known.capacitance_f);
+            bus.one_way = known.one_way;
+            rig = rig.with_bus(bus);
+        }
+        let mut lines = [(CurrentLine::Absent, 0.0); MOTORS];
+        for ((line, _), motor) in lines.iter_mut().zip(motors) {
+            *line = motor.current_line;
+        }
+        let mut i2c = I2cDevices::default();
+        i2c.imu.errors = *gyro;
+        let board = Self(Rc::new(RefCell::new(World {
+            rig,
             drives: [Drive::COAST; MOTORS],
-            bridges,
-            counters,
-            lines: Default::default(),
+            bridges: motors.iter().map(|motor| motor.bridge).collect(),
+            counters: (0..motors.len() as u64).map(|motor| Counter::new(seed ^ motor)).collect(),
+            lines,
             faults: [false; MOTORS],
             outside: u8::MAX,
-            wired: 0,
+            wired: scenario.wire.into_iter().flatten().fold(0, |wired, pin| wired | bit(pin.get())),
             servos: [None; SERVOS],
             analog_v: [0.0; ANALOG_INPUTS],
-            i2c: I2cDevices::default(),
-            ground: Ground::new(Floor::default()),
-            noise: fastrand::Rng::with_seed(seed),
+            i2c,
+            ground: Ground::new(*floor),
+            noise: fastrand::Rng::with_seed(*seed),
             unfed_s: 0.0,
             starved: false,
-        })))
+        })));
+        board.connect(&scenario.attached);
+        board
     }
 
-    /// Puts a capacitor behind the battery.
-    pub fn set_bus(&self, bus: Bus) {
-        let mut world = self.0.borrow_mut();
-        world.rig = world.rig.clone().with_bus(bus);
-    }
-
-    /// Closes or opens the contactor between battery and capacitor.
-    pub fn set_contactor(&self, closed: bool) {
-        if let Some(bus) = &mut self.0.borrow_mut().rig.bus {
-            bus.closed = closed;
+    /// Sets battery, motors and connected devices as the scenario has them at a time.
+    pub(crate) fn change(&self, scenario: &Scenario, now_s: f64) {
+        self.0.borrow_mut().change(scenario, now_s);
+        let step = |at_s: f64| (at_s / STEP_S).round();
+        for Timed { at_s, value } in &scenario.attached_over_time {
+            if step(*at_s) == step(now_s) {
+                self.connect(value);
+            }
         }
     }
 
-    /// Changes the battery's voltage without load.
-    pub fn set_emf(&self, emf: Volts) {
-        self.0.borrow_mut().rig.battery.emf = emf;
+    /// Connects what the scenario has connected at the start, and nothing else.
+    pub(crate) fn connect_as_at_start(&self, scenario: &Scenario) {
+        self.connect(&Attached {
+            analog_v: vec![0.0; ANALOG_INPUTS],
+            low_pins: Some(Vec::new()),
+            i2c_faults: vec![Fault::None; I2C_BUSES],
+        });
+        self.connect(&scenario.attached);
     }
 
-    /// Changes the condition of a motor's encoder.
-    pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
-        if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
-            counter.connect(encoder);
+    /// Changes what is connected to the pins and the I2C buses.
+    fn connect(&self, change: &Attached) {
+        for (input, volts) in change.analog_v.iter().enumerate() {
+            self.set_analog(input, *volts);
+        }
+        if let Some(low_pins) = &change.low_pins {
+            for pin in 0..DIGITAL_PINS as u8 {
+                self.press(pin, low_pins.iter().any(|low| low.get() == pin));
+            }
+        }
+        for (bus, fault) in change.i2c_faults.iter().enumerate() {
+            self.with_i2c(|devices| devices.set_fault(bus, *fault));
         }
     }
 
-    /// Changes the condition of a motor's current-sense line.
-    pub fn set_current_line(&self, motor: usize, line: CurrentLine) {
-        if let Some((of, _)) = self.0.borrow_mut().lines.get_mut(motor) {
-            *of = line;
-        }
-    }
-
-    /// Connects another load to a motor, from now on.
-    pub fn set_load(&self, motor: usize, load: Load) {
-        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
-            plant.set_load(load);
-        }
-    }
-
-    /// Puts a train between a motor and its load: backlash and a compliant shaft.
-    pub fn set_train(&self, motor: usize, train: Train) {
-        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
-            *plant = plant.clone().with_train(train);
-        }
-    }
-
-    /// Gives a motor other temperatures, from now on.
-    pub fn set_temperatures(&self, motor: usize, temperatures: Temperatures) {
-        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
-            plant.set_temperatures(temperatures);
-        }
-    }
-
-    /// Gives a motor's shaft another dry friction, from now on.
-    pub fn set_friction(&self, motor: usize, friction: Friction) {
-        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
-            plant.set_friction(friction);
-        }
+    /// Changes a motor's plant, from now on.
+    pub(crate) fn with_plant(&self, motor: usize, act: impl FnOnce(&mut Plant)) {
+        self.0.borrow_mut().rig.plants.get_mut(motor).map(act);
     }
 
     /// Connects a digital pin, 0 to 7, to ground, or disconnects the pin from ground, as a push-button does.
@@ -218,11 +204,6 @@ impl Board {
         let bit = bit(pin);
         let outside = &mut self.0.borrow_mut().outside;
         *outside = if pressed { *outside & !bit } else { *outside | bit };
-    }
-
-    /// Connects digital pins by a wire, 0 to 7.
-    pub fn wire(&self, pins: [u8; 2]) {
-        self.0.borrow_mut().wired |= pins.map(bit).iter().fold(0, |wired, bit| wired | bit);
     }
 
     /// Returns the pulses of the servo outputs.
@@ -237,38 +218,14 @@ impl Board {
         }
     }
 
-    /// Puts the drive base on another floor, at the origin. Its wheels have not turned yet.
-    pub fn set_floor(&self, floor: Floor) {
-        self.0.borrow_mut().ground = Ground::new(floor);
-    }
-
-    /// Sets the errors of the gyro on I2C bus 0.
-    pub fn set_gyro_errors(&self, errors: GyroErrors) {
-        self.0.borrow_mut().i2c.imu.errors = errors;
-    }
-
     /// Returns where the drive base is.
     pub fn pose(&self) -> Pose {
         self.0.borrow().ground.pose()
     }
 
-    /// Returns a copy of the inertial sensor on I2C bus 0.
-    pub fn imu(&self) -> Bno055 {
-        self.0.borrow().i2c.imu.clone()
-    }
-
-    /// Replaces the inertial sensor on I2C bus 0.
-    pub fn set_imu(&self, imu: Bno055) {
-        self.0.borrow_mut().i2c.imu = imu;
-    }
-
-    /// Changes the condition of an I2C bus.
-    pub fn set_i2c_fault(&self, bus: usize, fault: i2c::Fault) {
-        self.0.borrow_mut().i2c.set_fault(bus, fault);
-    }
-
-    pub(crate) fn i2c_fault(&self, bus: usize) -> i2c::Fault {
-        self.0.borrow().i2c.fault(bus)
+    /// Uses the inertial sensor on I2C bus 0.
+    pub fn with_imu<T>(&self, act: impl FnOnce(&mut Bno055) -> T) -> T {
+        self.with_i2c(|devices| act(&mut devices.imu))
     }
 
     pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {
@@ -327,6 +284,20 @@ impl Board {
 }
 
 impl World {
+    /// Sets battery, temperatures and encoders as the scenario has them at a time.
+    fn change(&mut self, scenario: &Scenario, now_s: f64) {
+        self.rig.battery.emf = scenario.emf_at(now_s);
+        if let Some(bus) = &mut self.rig.bus {
+            let opens_at_s = scenario.bus.and_then(|bus| bus.opens_at_s);
+            bus.closed = opens_at_s.is_none_or(|at_s| now_s < at_s);
+        }
+        let parts = self.rig.plants.iter_mut().zip(&mut self.counters);
+        for ((plant, counter), motor) in parts.zip(&scenario.motors) {
+            plant.set_temperatures(motor.temperatures_at(now_s));
+            counter.connect(motor.encoder_at(now_s));
+        }
+    }
+
     /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one.
     /// A board with less than two motors has no base.
     fn move_base(&mut self, time_s: f64) {

@@ -71,12 +71,13 @@ impl Interventions {
         for ((index, (wanted, before)), motor) in pairs.zip(&scenario.motors) {
             if wanted.inertia_kg_m2 != before.inertia_kg_m2 {
                 let inertia_after = wanted.inertia_kg_m2.map_or(motor.load.inertia_after, KgM2);
-                board.set_load(index, Load { inertia_after, ..motor.load });
+                board.with_plant(index, |plant| plant.set_load(Load { inertia_after, ..motor.load }));
             }
             if wanted.held != before.held {
                 let stall = motor.constants.stall_torque(Volts(NOMINAL_V));
                 let held = Friction::with_coulomb(NewtonMetres(HELD * stall.0));
-                board.set_friction(index, if wanted.held { held } else { motor.constants.friction });
+                let friction = if wanted.held { held } else { motor.constants.friction };
+                board.with_plant(index, |plant| plant.set_friction(friction));
             }
         }
     }

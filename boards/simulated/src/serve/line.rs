@@ -1,10 +1,9 @@
 //! The line between a served hub and its hosts. Hosts connect and disconnect. For the hub the line is a serial line
 //! that is always open.
 
-use super::host_line::HostLine;
 use super::tcp::Tcp;
 use super::wire::Wire;
-use std::fmt;
+use std::fmt::{self, Debug};
 
 #[cfg(unix)]
 use super::pty::Pty;
@@ -26,6 +25,18 @@ pub enum LineError {
         /// Error of the operating system.
         error: std::io::Error,
     },
+}
+
+/// One kind of line. The methods of [`Line`] call the methods of the same name.
+pub(super) trait HostLine: Debug + Send {
+    fn receive(&mut self, bytes: &mut [u8]) -> usize;
+    fn send(&mut self, bytes: &[u8]) -> usize;
+    fn is_taken(&self) -> bool;
+    fn rejected_hosts(&self) -> u32 {
+        0
+    }
+    /// The path or address that hosts open.
+    fn address(&self) -> String;
 }
 
 /// A line whose calls never block. `Display` writes the path or address that hosts open.

@@ -1,6 +1,6 @@
 //! A pseudo-terminal: one end for the hub, and a path in `/dev` that hosts open as a serial port.
 
-use super::host_line::HostLine;
+use super::line::HostLine;
 #[cfg(target_os = "linux")]
 use rustix::fs::inotify;
 use rustix::fs::{Mode, OFlags, fcntl_setfl};

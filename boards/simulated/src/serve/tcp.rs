@@ -1,6 +1,6 @@
 //! A TCP port with one host at a time.
 
-use super::host_line::HostLine;
+use super::line::HostLine;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -1,6 +1,6 @@
 //! A line within this process.
 
-use super::host_line::HostLine;
+use super::line::HostLine;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -68,8 +68,8 @@ impl Run {
         let mut measured = Measured { speeds: vec![Vec::new(); self.motors], ..Measured::default() };
         let mut before = [Drive::COAST; MOTORS];
         without_tasks::run(&self.scenario(period_ms), |moment| {
-            measured.bus.push(moment.battery_v);
-            for (speeds, (speed, _)) in measured.speeds.iter_mut().zip(moment.motors) {
+            measured.bus.push(moment.view.battery_v);
+            for (speeds, (speed, _)) in measured.speeds.iter_mut().zip(&moment.view.motors) {
                 speeds.push(*speed);
             }
             if moment.ms > from_ms {
@@ -82,8 +82,8 @@ impl Run {
                 measured.most_at_once = measured.most_at_once.max(pairs.filter(ended).count());
             }
             before = *moment.drives;
-            measured.highest_v = moment.highest_v;
-            measured.shut_down |= moment.shut_down > 0;
+            measured.highest_v = moment.view.highest_v;
+            measured.shut_down |= moment.view.shut_down > 0;
             measured.returned_j = moment.snapshot.returned.get() as f64 / 1e6;
             measured.dissipated_j = moment.snapshot.dissipated.get() as f64 / 1e6;
         })
@@ -236,8 +236,8 @@ fn a_weak_battery_is_derated_in_few_stages_and_stays_above_the_voltage_at_which_
         if moment.ms > 100 && stages.last() != Some(&moment.snapshot.draw_stage) {
             stages.push(moment.snapshot.draw_stage);
         }
-        opened = opened.max(moment.shut_down);
-        speed = moment.motors[0].0;
+        opened = opened.max(moment.view.shut_down);
+        speed = moment.view.motors[0].0;
     })
     .expect("it runs");
     assert_eq!(opened, 0, "no bridge opens on its own");
@@ -254,10 +254,10 @@ fn a_moment_shows_the_commands_of_the_bridges_after_a_change_within_a_millisecon
     without_tasks::run(&run.scenario(50), |moment| {
         let (bus_v, drive) = before;
         // The battery gives no current to a bus above 13 V, so the voltage changes unless the bridge shorts the motor.
-        if bus_v > 13.0 && drive != Drive::BRAKE && moment.battery_v == bus_v {
+        if bus_v > 13.0 && drive != Drive::BRAKE && moment.view.battery_v == bus_v {
             stale_ms.push(moment.ms);
         }
-        before = (moment.battery_v, moment.drives[0]);
+        before = (moment.view.battery_v, moment.drives[0]);
     })
     .expect("it runs");
     assert!(

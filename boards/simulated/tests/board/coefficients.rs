@@ -38,7 +38,7 @@ fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
     let mut sums = vec![(0.0, 0); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
         if moment.ms >= from {
-            for (sum, &(speed, counts)) in sums.iter_mut().zip(moment.motors) {
+            for (sum, &(speed, counts)) in sums.iter_mut().zip(&moment.view.motors) {
                 *sum = (sum.0 + speed / 500.0, sum.1.max((counts - position).abs()));
             }
         }

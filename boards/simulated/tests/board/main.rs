@@ -5,7 +5,7 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
-use simulated::scenario::Scenario;
+use simulated::scenario::{Motor, Scenario};
 use simulated::sim;
 use simulated::trace::Trace;
 use simulated::world::Board;
@@ -24,11 +24,16 @@ mod scheme;
 mod wires;
 mod world;
 
-/// A board with a NeveRest 60 without load on each of these bridges.
-fn board(bridges: &[BridgeConstants]) -> Board {
+/// A scenario of a NeveRest 60 without load on each of these bridges.
+fn scenario(bridges: &[BridgeConstants]) -> Scenario {
     let motor = characterised("NeveRest 60").expect("known").with_measured_rotor_inertia();
     let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    Board::new(battery, bridges.iter().map(|bridge| (motor, Load::NONE, *bridge)), 1)
+    let motors = bridges.iter().map(|&bridge| Motor { bridge, ..Motor::new(motor, Load::NONE) });
+    Scenario::new("board", 1.0, battery, motors.collect())
+}
+
+fn board(bridges: &[BridgeConstants]) -> Board {
+    Board::new(&scenario(bridges))
 }
 
 /// All runs of the process share the clock of the mock driver, so they wait for each other.

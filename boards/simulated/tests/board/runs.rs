@@ -20,9 +20,9 @@ fn a_run_without_tasks_is_the_run_with_them() {
         run(&scenario, |moment| {
             let at_s = moment.ms as f64 / 1e3;
             let Some(tick) = ticks.next_if(|tick| tick.at_s <= at_s) else { return };
-            assert_eq!((tick.at_s, tick.battery_v), (at_s, moment.battery_v));
+            assert_eq!((tick.at_s, tick.battery_v), (at_s, moment.view.battery_v));
             for ((sample, &(speed, counts)), report) in
-                tick.motors.iter().zip(moment.motors).zip(&moment.snapshot.motors)
+                tick.motors.iter().zip(&moment.view.motors).zip(&moment.snapshot.motors)
             {
                 assert_eq!((sample.speed_cps, sample.counts), (speed, counts), "at {at_s} s");
                 assert_eq!(&sample.report, report, "at {at_s} s");

@@ -113,7 +113,7 @@ fn motors_that_are_served_stop_as_soon_as_real_ones() {
         }
         let mut turned_at_s = [0.0; 4];
         without_tasks::run(&scenario, |moment| {
-            for (at_s, (cps, _)) in turned_at_s.iter_mut().zip(moment.motors) {
+            for (at_s, (cps, _)) in turned_at_s.iter_mut().zip(&moment.view.motors) {
                 if *cps != 0.0 {
                     *at_s = moment.ms as f64 / 1e3;
                 }

@@ -1,15 +1,15 @@
 //! Plants behind the board's traits.
 
-use crate::board;
+use crate::{board, scenario};
 use motor_hub::board::{BridgeFaults, Bridges, Devices};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, Ohms, Seconds, Volts};
+use motor_hub::model::si::{Drag, KgM2, Seconds};
 use motor_hub::model::train::Train;
+use motor_hub::protocol::pins::Pin;
 use motor_hub::units::Duty;
 use simulated::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, WHEEL_DIAMETER_MM};
+use simulated::scenario::Scenario;
 use simulated::world::Board;
 
 #[test]
@@ -44,8 +44,8 @@ fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives
 
 #[test]
 fn pins_that_a_wire_connects_have_one_level_low_if_either_is_pulled_low() {
-    let mut board = board(&[BRIDGE]);
-    board.wire([4, 5]);
+    let wire = [4, 5].map(|pin| Pin::new(pin).expect("a pin"));
+    let mut board = Board::new(&Scenario { wire: Some(wire), ..scenario(&[BRIDGE]) });
     let (four, five) = (1 << 4, 1 << 5);
     assert_eq!(board.update_digital_pins(0, 0), 0xFF, "both are pulled up");
     for driven in [four, five] {
@@ -59,18 +59,19 @@ fn pins_that_a_wire_connects_have_one_level_low_if_either_is_pulled_low() {
 
 #[test]
 fn a_drive_base_stands_on_the_wheels_and_not_on_the_encoders_behind_the_backlash() {
-    let motor = characterised("NeveRest 60").expect("known").with_measured_rotor_inertia();
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    // The drag keeps the wheel from running ahead of the motor.
-    let wheel = Load { drag_after: Drag(0.02), ..Load::inertia(KgM2(0.006)) };
-    let wheels = [(motor, wheel, BRIDGE); 2];
-    let mut board = Board::new(battery, wheels.into_iter(), 1);
+    let mut scenario = scenario(&[BRIDGE; 2]);
     let train = Train { backlash_after: 10_f64.to_radians(), stiffness_after: 300.0, damping_after: 0.3 };
-    [0, 1].into_iter().for_each(|wheel| board.set_train(wheel, train));
+    for motor in &mut scenario.motors {
+        // The drag keeps the wheel from running ahead of the motor.
+        motor.load = Load { drag_after: Drag(0.02), ..Load::inertia(KgM2(0.006)) };
+        motor.train = Some(train);
+    }
+    let mut board = Board::new(&scenario);
     let forward = Drive { mode: Mode::Cw98, duty: Duty::ONE };
     board.apply(&[forward, forward, Drive::COAST, Drive::COAST]);
     board.run(Seconds(1.0), &[0.0; 2]);
-    let counted_degrees = 360.0 * board.view().motors[0].1 as f64 / motor.counts_per_rev_output();
+    let counted_degrees =
+        360.0 * board.view().motors[0].1 as f64 / scenario.motors[0].constants.counts_per_rev_output();
     let wheel_degrees = (2.0 * board.pose().x_mm / WHEEL_DIAMETER_MM).to_degrees();
     // The motor pushes the wheel, so it leads by half of the backlash.
     let lead = counted_degrees - wheel_degrees;

@@ -97,7 +97,7 @@ pub(super) struct Instant {
 pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError> {
     let mut all: Vec<Vec<Instant>> = vec![Vec::new(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
-        let motors = moment.motors.iter().zip(&moment.snapshot.motors);
+        let motors = moment.view.motors.iter().zip(&moment.snapshot.motors);
         for (track, (&(speed_cps, counts), report)) in all.iter_mut().zip(motors) {
             let fault = report.faults.encoder.is_some();
             let point = Point { at_s: moment.ms as f64 / 1e3, speed_cps, counts };

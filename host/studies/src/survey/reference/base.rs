@@ -72,7 +72,7 @@ fn degrees(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64,
             return;
         }
         let wheel = |motor: usize| -> Option<(Setpoint, i64)> {
-            Some((moment.snapshot.motors.get(motor)?.setpoint, moment.motors.get(motor)?.1))
+            Some((moment.snapshot.motors.get(motor)?.setpoint, moment.view.motors.get(motor)?.1))
         };
         let error = heading.step(moment.ms as f64 / 1e3, wheel).unwrap_or(0.0);
         let at_fault =
