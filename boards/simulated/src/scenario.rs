@@ -28,7 +28,7 @@ use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
 pub use numbers::LONGEST_S;
-pub use types::{Attached, Bus, Configuration, ConfiguredMotion, Group, Motor, Scenario, Timed, UNLIMITED};
+pub use types::{Attached, Bus, Configuration, Group, Motor, Scenario, Timed, UNLIMITED};
 
 /// Dry friction of the motors of the served scenario, as a share of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;

@@ -29,7 +29,7 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
 use responses::Challenge;
 use serde::Serialize;
-use simulated::scenario::{Configuration, ConfiguredMotion, Motor, Scenario};
+use simulated::scenario::{Configuration, Motor, Scenario};
 use simulated::scheme::{SchemeWords, describe};
 
 /// How a motor is configured in the hub.
@@ -102,10 +102,7 @@ impl Knowledge {
 
     /// The configuration of a motor.
     fn configured(self, motor: &catalogue::Motor) -> Configuration {
-        let inertia = |inertia| {
-            let motion = Some(ConfiguredMotion { inertia, drag: 1.0, friction: 1.0 });
-            Configuration { motion, ..Configuration::EXACT }
-        };
+        let inertia = |inertia| Configuration { inertia, ..Configuration::EXACT };
         let winding = |resistance, emf| Configuration { resistance, emf, ..Configuration::EXACT };
         match self {
             Self::Exact => Configuration::EXACT,
@@ -113,7 +110,7 @@ impl Knowledge {
             Self::Heavier => inertia(1.4),
             Self::HalfInertia => inertia(0.5),
             Self::DoubleInertia => inertia(2.0),
-            Self::Unknown => Configuration { motion: None, ..Configuration::EXACT },
+            Self::Unknown => Configuration { is_motion_known: false, ..Configuration::EXACT },
             Self::Hot => winding(1.0 / 1.24, 1.0 / 0.9),
             Self::ResistanceLow => winding(0.8, 1.0),
             Self::ResistanceHigh => winding(1.2, 1.0),

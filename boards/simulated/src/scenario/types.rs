@@ -1,6 +1,7 @@
 //! Types of a checked scenario.
 
 use super::expectation::Expectation;
+use super::numbers::{DragFactor, Factor, within};
 use crate::bno055::GyroErrors;
 use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
@@ -21,6 +22,7 @@ use motor_hub::protocol::pins::Pin;
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
+use serde::{Deserialize, Serialize};
 use std::num::NonZeroU16;
 
 /// Limits that never act: the hub accepts any battery from 5 to 18 V, and dissipates no energy.
@@ -160,27 +162,30 @@ pub struct Group {
     pub courses: Vec<Timed<GroupCommand>>,
 }
 
-/// A motor's configuration in the hub, in factors of the true constants.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A motor's configuration in the hub, in factors of the true constants. Inertia, drag and friction are with the load.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Configuration {
     /// The motor whose constants are configured; `None` for the constants of the motor itself.
+    #[serde(skip)]
     pub of: Option<catalogue::Motor>,
+    /// False for an unknown motor: only its winding is configured.
+    #[serde(skip)]
+    pub is_motion_known: bool,
     /// Factor of the winding resistance.
+    #[serde(deserialize_with = "within::<Factor, _, _>")]
     pub resistance: f64,
     /// Factor of the back-EMF constant and of the torque constant, which both depend on the magnets.
+    #[serde(deserialize_with = "within::<Factor, _, _>")]
     pub emf: f64,
-    /// Inertia, drag and friction; `None` for an unknown motor: only its winding is configured.
-    pub motion: Option<ConfiguredMotion>,
-}
-
-/// Configured inertia, drag and friction, in factors of the true values with the load.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ConfiguredMotion {
     /// Factor of the moment of inertia.
+    #[serde(deserialize_with = "within::<Factor, _, _>")]
     pub inertia: f64,
     /// Factor of the viscous drag.
+    #[serde(deserialize_with = "within::<DragFactor, _, _>")]
     pub drag: f64,
     /// Factor of the Coulomb friction.
+    #[serde(deserialize_with = "within::<Factor, _, _>")]
     pub friction: f64,
 }
 
@@ -198,9 +203,12 @@ impl Configuration {
     /// The true constants are configured.
     pub const EXACT: Self = Self {
         of: None,
+        is_motion_known: true,
         resistance: 1.0,
         emf: 1.0,
-        motion: Some(ConfiguredMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
+        inertia: 1.0,
+        drag: 1.0,
+        friction: 1.0,
     };
 }
 
@@ -347,7 +355,7 @@ impl Motor {
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
-        let Configuration { of, resistance, emf, motion } = self.configuration;
+        let Configuration { of, is_motion_known, resistance, emf, .. } = self.configuration;
         let motor = of.unwrap_or(self.constants);
         let configured = catalogue::Motor {
             r: si::Ohms(motor.r.0 * resistance),
@@ -366,7 +374,7 @@ impl Motor {
             thermal: self.thermal,
             current_limit: self.current_limit,
             acceleration: self.acceleration,
-            dynamics: motion.map(|factors| self.dynamics(&configured, &winding, factors)).transpose()?,
+            dynamics: is_motion_known.then(|| self.dynamics(&configured, &winding)).transpose()?,
             coefficients: own.then(|| Coefficients {
                 velocity: self.velocity.unwrap_or(guessed.velocity),
                 position: self.position.unwrap_or(guessed.position),
@@ -376,17 +384,13 @@ impl Motor {
     }
 
     /// The configured dynamics of the motor with its load.
-    fn dynamics(
-        &self,
-        configured: &catalogue::Motor,
-        winding: &Winding,
-        factors: ConfiguredMotion,
-    ) -> Result<Dynamics, RangeError> {
+    fn dynamics(&self, configured: &catalogue::Motor, winding: &Winding) -> Result<Dynamics, RangeError> {
         let truth = mechanics(configured, &self.load);
+        let Configuration { inertia, drag, friction, .. } = self.configuration;
         let mechanics = Mechanics {
-            inertia: truth.inertia * factors.inertia,
-            drag: truth.drag * factors.drag,
-            friction: truth.friction * factors.friction,
+            inertia: truth.inertia * inertia,
+            drag: truth.drag * drag,
+            friction: truth.friction * friction,
             ..truth
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)

@@ -69,7 +69,7 @@ impl Axis {
         let mut scenario = Scenario::parse("wires.toml", &text).expect("valid");
         scenario.period = Period::from_millis(period_ms).expect("in range");
         for motor in &mut scenario.motors {
-            motor.configuration.motion = motor.configuration.motion.filter(|_| configured);
+            motor.configuration.is_motion_known = configured;
         }
         scenario
     }

@@ -72,8 +72,6 @@ pub(super) fn at_all_periods<T: Sync, R: Send>(
 pub(super) fn variant(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<Scenario, StudyError> {
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;
-    if !configured {
-        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
-    }
+    scenario.motors.iter_mut().for_each(|motor| motor.configuration.is_motion_known = configured);
     Ok(scenario)
 }

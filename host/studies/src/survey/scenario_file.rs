@@ -6,7 +6,7 @@ use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::Control;
 use serde_json::{Value, json};
 use simulated::hardware::REAL_BRIDGE;
-use simulated::scenario::{Configuration, Motor, Scenario, Timed, UNLIMITED};
+use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 use simulated::scheme::SchemeWords;
 
 /// The scenario in TOML. What a survey does not have is left out: coefficients, expectations, a battery that runs down.
@@ -32,16 +32,8 @@ fn table(motor: &Motor) -> Value {
     let Motor { label, constants, load, .. } = motor;
     let scheme = json!(SchemeWords(motor.scheme));
     let friction = friction_percent(motor);
-    let Configuration { resistance, emf, motion, .. } = motor.configuration;
-    let configured = motion.map_or(json!("nothing"), |motion| {
-        json!({
-            "resistance": resistance,
-            "emf": emf,
-            "inertia": motion.inertia,
-            "drag": motion.drag,
-            "friction": motion.friction,
-        })
-    });
+    let configuration = motor.configuration;
+    let configured = if configuration.is_motion_known { json!(configuration) } else { json!("nothing") };
     let thermal = motor.thermal.map(|limit| {
         let amperes = f64::from(limit.continuous_ma()) / 1e3;
         json!({ "continuous_a": amperes, "winding_s": limit.winding_s(), "case_s": limit.case_s() })

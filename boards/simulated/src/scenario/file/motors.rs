@@ -7,11 +7,11 @@ use crate::hardware::{BRIDGE, REAL_BRIDGE, thermal_limit};
 use crate::scenario::error::{At, Checked};
 use crate::scenario::numbers::{
     AccelerationLimit, Backlash, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance,
-    DragFactor, Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad,
-    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness,
-    TemperatureRise, Torque, WindingConstant, one_of, or, out_of_range,
+    Efficiency, FASTEST_CPS, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad, Percent, Power,
+    RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness, TemperatureRise, Torque,
+    WindingConstant, one_of, or, out_of_range,
 };
-use crate::scenario::types::{Configuration, ConfiguredMotion, Motor, Timed};
+use crate::scenario::types::{Configuration, Motor, Timed};
 use crate::scheme::{BlendChoice, SchemeName};
 use motor_hub::braking::DutyRule;
 use motor_hub::bridge::BridgeConstants;
@@ -127,17 +127,6 @@ pub(super) struct TrainTable {
     backlash_degrees: Option<Backlash>,
     stiffness_nm_per_rad: Stiffness,
     damping_nms_per_rad: Option<OfLoad>,
-}
-
-/// Configured constants of a motor, divided by its true constants.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FactorsTable {
-    resistance: Option<Factor>,
-    emf: Option<Factor>,
-    inertia: Option<Factor>,
-    drag: Option<DragFactor>,
-    friction: Option<Factor>,
 }
 
 #[derive(Deserialize)]
@@ -334,21 +323,6 @@ impl From<&ConstantsTable> for catalogue::Motor {
     }
 }
 
-impl From<FactorsTable> for Configuration {
-    fn from(factors: FactorsTable) -> Self {
-        Self {
-            of: None,
-            resistance: or(factors.resistance, 1.0),
-            emf: or(factors.emf, 1.0),
-            motion: Some(ConfiguredMotion {
-                inertia: or(factors.inertia, 1.0),
-                drag: or(factors.drag, 1.0),
-                friction: or(factors.friction, 1.0),
-            }),
-        }
-    }
-}
-
 /// Reads the configuration of a motor in the hub: a table of factors, or the word "nothing".
 fn factors_or_nothing<'de, D: Deserializer<'de>>(from: D) -> Result<Configuration, D::Error> {
     struct FactorsOrNothing;
@@ -361,13 +335,13 @@ fn factors_or_nothing<'de, D: Deserializer<'de>>(from: D) -> Result<Configuratio
 
         fn visit_str<E: Error>(self, word: &str) -> Result<Configuration, E> {
             match word {
-                "nothing" => Ok(Configuration { motion: None, ..Configuration::EXACT }),
+                "nothing" => Ok(Configuration { is_motion_known: false, ..Configuration::EXACT }),
                 _ => Err(E::invalid_value(Unexpected::Str(word), &self)),
             }
         }
 
         fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Configuration, A::Error> {
-            FactorsTable::deserialize(MapAccessDeserializer::new(map)).map(Configuration::from)
+            Configuration::deserialize(MapAccessDeserializer::new(map))
         }
     }
     from.deserialize_any(FactorsOrNothing)
