@@ -21,17 +21,16 @@ mod types;
 
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, characterised};
-use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
 pub use numbers::LONGEST_S;
 pub use types::{Attached, Bus, Configuration, Group, Motor, Scenario, Timed, UNLIMITED};
 
-/// Dry friction of the motors of the served scenario, as a share of their stall torque at 12 V.
-const SERVED_FRICTION: f64 = 0.06;
+/// Dry friction of the motors of the served scenario, in percent of their stall torque at 12 V.
+const SERVED_FRICTION_PERCENT: f64 = 6.0;
 
 /// Motor of the fan in the served scenario. The usual velocity coefficients of hosts suit motors of some 2500 counts/s.
 /// The NeveRest 3.7 of the default scenario turns at some 700 counts/s. With P 2, I 0.5 and F 11.1 the error of its
@@ -77,17 +76,12 @@ impl Scenario {
     pub fn to_serve() -> Self {
         let constants = |name: &str| characterised(name).map(catalogue::Motor::with_measured_rotor_inertia);
         let served = |(label, name, inertia, drag): (&str, &str, f64, f64)| {
-            let load = Load {
-                inertia_after: KgM2(inertia),
-                drag_after: Drag(drag),
-                torque_after: NewtonMetres(0.0),
-            };
+            let load = Load { drag_after: Drag(drag), ..Load::inertia(KgM2(inertia)) };
             let motor = Motor::new(constants(name).ok()?, load);
             let mut motor =
                 if label == "fan" { motor.with_constants(constants(SERVED_FAN).ok()?) } else { motor };
             (motor.label, motor.torques) = (label.to_owned(), Vec::new());
-            let stall = motor.constants.stall_torque(Volts(12.0));
-            motor.constants.friction = Friction::with_coulomb(NewtonMetres(SERVED_FRICTION * stall.0));
+            motor.set_friction(SERVED_FRICTION_PERCENT);
             Some(motor)
         };
         let motors = [

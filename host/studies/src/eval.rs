@@ -16,7 +16,7 @@ mod case;
 mod firmware;
 mod physics;
 
-use crate::paper::printed::PRINTED;
+use crate::paper::printed::numbers;
 use case::Case;
 use motor_hub::model::catalogue::characterised;
 use serde_json::{Value, json};
@@ -100,8 +100,8 @@ fn computed(case: &Case) -> Result<Value, CaseError> {
 /// Answers with a number of the paper, which is found by its name: as printed, and as computed here.
 fn printed(case: &Case) -> Result<Value, CaseError> {
     let name = case.text("name")?;
-    let number = PRINTED.iter().find(|number| number.name == name);
-    let number = number.ok_or_else(|| format!("the paper prints no number with the name {name:?}"))?;
     let motor = characterised("AM 60 A")?;
-    Ok(json!({ "printed": number.printed, "computed": (number.ours)(&motor) }))
+    let number = numbers(&motor).into_iter().find(|number| number.name == name);
+    let number = number.ok_or_else(|| format!("the paper prints no number with the name {name:?}"))?;
+    Ok(json!({ "printed": number.printed, "computed": number.ours }))
 }

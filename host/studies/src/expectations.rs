@@ -10,7 +10,7 @@ use motor_hub::motor::Faults;
 use motor_hub::record::Fault;
 use serde::Serialize;
 use serde_json::json;
-use simulated::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
+use simulated::scenario::expectation::{Expectation, Expected, Quantity, Subject, regime_name};
 use simulated::scenario::{Group, Scenario};
 use simulated::trace::{Sample, Trace};
 use std::fmt;
@@ -153,10 +153,8 @@ impl Verdict {
     #[must_use]
     pub fn met(&self) -> bool {
         match (self.expected, &self.measured) {
-            (Expected::Quantity(_, Bounds { low, high }), &Measured::Number(value)) => {
-                low <= value && value <= high
-            }
-            (Expected::Quantity(_, Bounds { low, high }), &Measured::Between(least, most)) => {
+            (Expected::Quantity(_, [low, high]), &Measured::Number(value)) => low <= value && value <= high,
+            (Expected::Quantity(_, [low, high]), &Measured::Between(least, most)) => {
                 low <= least && most <= high
             }
             (Expected::Ever(regime), Measured::Words(seen)) => seen.contains(&regime_name(regime)),
@@ -172,7 +170,7 @@ impl Verdict {
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let (expected, wanted) = match self.expected {
-            Expected::Quantity(quantity, Bounds { low, high }) => (quantity.key(), json!([low, high])),
+            Expected::Quantity(quantity, [low, high]) => (quantity.key(), json!([low, high])),
             Expected::Ever(regime) => ("ever", json!(regime_name(regime))),
             Expected::Never(regime) => ("never", json!(regime_name(regime))),
             Expected::Fault(fault) => ("fault", json!(fault.and_then(Fault::word))),
@@ -203,7 +201,7 @@ pub struct Wanted(pub Expected);
 impl fmt::Display for Wanted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Expected::Quantity(quantity, Bounds { low, high }) => match quantity {
+            Expected::Quantity(quantity, [low, high]) => match quantity {
                 Quantity::SettlingTime => write!(f, "settles within {high} s"),
                 Quantity::Overshoot => write!(f, "overshoot at most {high} %"),
                 Quantity::Speed => write!(f, "speed {low} to {high} counts/s"),

@@ -74,12 +74,20 @@ fn position(target: i32, speed_limit: CountsPerSecond) -> Setpoint {
     Setpoint::Position { target, tolerance: 10, speed_limit }
 }
 
-/// Returns the chart line of a value of one motor over a run. The line has a name, a colour and a style.
-fn line(
-    (name, colour, style): (&str, &'static str, Style),
-    trace: &Trace,
+/// One motor in a run, whose values become the lines of a chart.
+#[derive(Clone, Copy)]
+struct Lines<'a> {
+    trace: &'a Trace,
     motor: usize,
-    value: impl Fn(&Sample) -> f64,
-) -> Series {
-    Series::new(name, colour, style, trace.motor(motor).map(|(at_s, sample)| (at_s, value(sample))))
+}
+
+impl Lines<'_> {
+    fn line(self, name: &str, colour: &'static str, style: Style, value: impl Fn(&Sample) -> f64) -> Series {
+        Series::new(
+            name,
+            colour,
+            style,
+            self.trace.motor(self.motor).map(|(at_s, sample)| (at_s, value(sample))),
+        )
+    }
 }

@@ -13,8 +13,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::measures::{Measures, Response};
-use crate::{line, table};
+use crate::measures::{Measures, Response, rms};
+use crate::{Lines, table};
 use chart::{Figure, Panel, Style, colour};
 use simulated::scenario::Scenario;
 use simulated::trace::{Sample, Trace};
@@ -56,11 +56,11 @@ impl Overlay {
         let simulated: Vec<(f64, &Sample)> = self.simulated.motor(motor).collect();
         let period_s = f64::from(self.scenario.period.as_millis()) * 1e-3;
         let mut apart = Apart { worst_cps: 0.0, rms_cps: 0.0, worst_counts: 0 };
-        let mut squares = Vec::new();
+        let mut differences = Vec::new();
         for (at_s, emulated) in self.emulated.motor(motor) {
             let near = |within: f64| simulated.iter().filter(move |(other, _)| (other - at_s).abs() < within);
             for (_, other) in near(0.1 * period_s) {
-                squares.push((emulated.speed_cps - other.speed_cps).powi(2));
+                differences.push(emulated.speed_cps - other.speed_cps);
                 apart.worst_counts = apart.worst_counts.max((emulated.counts - other.counts).abs());
             }
             let speeds = || near(1.1 * period_s).map(|(_, other)| other.speed_cps);
@@ -68,7 +68,7 @@ impl Overlay {
             let outside = (least - emulated.speed_cps).max(emulated.speed_cps - most);
             apart.worst_cps = apart.worst_cps.max(outside);
         }
-        apart.rms_cps = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        apart.rms_cps = rms(&differences);
         apart
     }
 
@@ -109,11 +109,13 @@ impl Overlay {
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();
         for (index, motor) in self.scenario.motors.iter().enumerate() {
+            let [emulated, simulated] =
+                [&self.emulated, &self.simulated].map(|trace| Lines { trace, motor: index });
             // The dashed line is on top, so that both lines show where they coincide.
             let both = |[style, dashed]: [Style; 2], value: fn(&Sample) -> f64| {
                 vec![
-                    line(("emulated chip", colour::BLUE, style), &self.emulated, index, value),
-                    line(("simulated board", colour::RED, dashed), &self.simulated, index, value),
+                    emulated.line("emulated chip", colour::BLUE, style, value),
+                    simulated.line("simulated board", colour::RED, dashed, value),
                 ]
             };
             let speed = both([Style::Line, Style::Dashed], |sample| sample.speed_cps);

@@ -8,17 +8,8 @@ use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::response::{Applied, GearedMotor};
 use motor_hub::model::si::{Amps, Kilograms, Metres, RadPerSec, Seconds, Volts};
-use printed::PRINTED;
+use printed::{Number, numbers};
 use serde::Serialize;
-
-#[derive(Serialize)]
-struct Number {
-    section: &'static str,
-    name: &'static str,
-    printed: &'static str,
-    ours: f64,
-    agrees: bool,
-}
 
 #[derive(Serialize)]
 struct Misprint {
@@ -43,7 +34,7 @@ struct Estimate {
 /// The whole comparison with the paper.
 #[derive(Serialize)]
 pub struct Document {
-    numbers: Vec<Number>,
+    numbers: [Number; 20],
     misprints: Vec<Misprint>,
     estimates: Vec<Estimate>,
 }
@@ -55,16 +46,7 @@ impl Document {
     /// If the catalogue lacks a motor of the paper's examples.
     pub fn new() -> Result<Self, StudyError> {
         let motor = characterised("AM 60 A")?;
-        let number = |number: &printed::Number| {
-            let ours = (number.ours)(&motor);
-            let printed::Number { section, name, printed, .. } = *number;
-            Number { section, name, printed, ours, agrees: agrees(printed, ours) }
-        };
-        Ok(Self {
-            numbers: PRINTED.iter().map(number).collect(),
-            misprints: misprints(&motor),
-            estimates: estimates()?,
-        })
+        Ok(Self { numbers: numbers(&motor), misprints: misprints(&motor), estimates: estimates()? })
     }
 
     /// The comparison as tables, for a terminal.
@@ -114,19 +96,6 @@ const ESTIMATE: &str = "\
 The estimate includes the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
 It scales all ordinates of a scheme by one factor, and moves the abscissas by Ke_eff/Ke, which is a few percent. The
 current is much more accurate; the control value hardly changes.";
-
-/// True if both numbers agree to the last printed digit. A printed fraction must agree with a relative error of at most
-/// 1e-12.
-fn agrees(printed: &str, ours: f64) -> bool {
-    if let Some((over, under)) = printed.split_once('/') {
-        return match (over.parse::<f64>(), under.parse::<f64>()) {
-            (Ok(over), Ok(under)) => (over / under - ours).abs() <= 1e-12 * ours.abs(),
-            _ => false,
-        };
-    }
-    let decimals = printed.split_once('.').map_or(0, |(_, digits)| digits.len());
-    printed.parse::<f64>().is_ok_and(|value| (value - ours).abs() <= 0.5 * 10f64.powi(-(decimals as i32)))
-}
 
 /// The paper's flywheel: 10 kg, 10 cm.
 fn flywheel() -> Load {

@@ -5,14 +5,11 @@ mod figures;
 mod headline;
 mod tables;
 
-use crate::NamedFigure;
 use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
-use crate::table;
-use motor_hub::braking::DutyRule;
-use serde::Serialize;
+use crate::{NamedFigure, table, with_fields};
 use serde_json::json;
-use simulated::scenario::Scenario;
+use simulated::scenario::{Motor, Scenario};
 use simulated::scheme::SchemeWords;
 use simulated::trace::Trace;
 use std::path::PathBuf;
@@ -29,18 +26,6 @@ pub struct RunReport {
     measures: Vec<[Measures; 2]>,
     /// Verdicts on the run with the schemes of the scenario.
     verdicts: Vec<Verdict>,
-}
-
-/// One motor in the JSON report.
-#[derive(Serialize)]
-struct MotorReport<'a> {
-    label: &'a str,
-    motor: &'a str,
-    #[serde(flatten)]
-    scheme: SchemeWords,
-    duty: DutyRule,
-    as_set: &'a Measures,
-    without_braking_regime: &'a Measures,
 }
 
 impl RunReport {
@@ -72,22 +57,22 @@ impl RunReport {
     /// The results as JSON, for programs.
     pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
         let motors = self.scenario.motors.iter().zip(&self.measures);
-        let motors: Vec<_> = motors
-            .map(|(motor, [as_set, without])| MotorReport {
-                label: &motor.label,
-                motor: motor.constants.name,
-                scheme: SchemeWords(motor.scheme),
-                duty: motor.duty,
-                as_set,
-                without_braking_regime: without,
-            })
-            .collect();
+        let motor = |(motor, [as_set, without]): (&Motor, &[Measures; 2])| {
+            let named = json!({
+                "label": motor.label,
+                "motor": motor.constants.name,
+                "duty": motor.duty,
+                "as_set": as_set,
+                "without_braking_regime": without,
+            });
+            with_fields(json!(SchemeWords(motor.scheme)), named)
+        };
         json!({
             "scenario": self.scenario.name,
             "duration_s": self.scenario.duration_s,
             "control_period_ms": self.scenario.period.as_millis(),
             "seed": self.scenario.seed,
-            "motors": motors,
+            "motors": motors.map(motor).collect::<Vec<_>>(),
             "expectations": self.verdicts.iter().map(Verdict::json).collect::<Vec<_>>(),
             "files": files,
         })

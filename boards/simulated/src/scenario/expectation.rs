@@ -8,7 +8,6 @@
 
 use motor_hub::braking::Regime;
 use motor_hub::record::Fault;
-use serde::Serialize;
 use std::ops::Range;
 
 /// One expectation of a run.
@@ -36,23 +35,14 @@ pub enum Subject {
 /// An expected quantity, regime or fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Expected {
-    /// A quantity lies within limits. A quantity that changes with time lies within the limits during the whole window.
-    Quantity(Quantity, Bounds),
+    /// A quantity lies between the lowest and the highest allowed value. A quantity that changes with time lies between them during the whole window.
+    Quantity(Quantity, [f64; 2]),
     /// The motor is in this regime at one control tick or more. `None` means an open bridge.
     Ever(Option<Regime>),
     /// The motor is in this regime at no control tick. `None` means an open bridge.
     Never(Option<Regime>),
     /// This fault and no other fault occurs. `None` means that no fault occurs.
     Fault(Option<Fault>),
-}
-
-/// Lowest and highest allowed value.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Bounds {
-    /// Lowest allowed value.
-    pub low: f64,
-    /// Highest allowed value.
-    pub high: f64,
 }
 
 /// A measured quantity of a run.

@@ -12,6 +12,7 @@ use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand};
 use motor_hub::hub::Command;
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::Temperatures;
 use motor_hub::model::train::Train;
@@ -394,6 +395,12 @@ impl Motor {
             ..truth
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
+    }
+
+    /// Gives the motor Coulomb friction, in percent of its stall torque at 12 V.
+    pub fn set_friction(&mut self, percent: f64) {
+        let stall = self.constants.stall_torque(si::Volts(12.0));
+        self.constants.friction = Friction::with_coulomb(si::NewtonMetres(percent / 100.0 * stall.0));
     }
 
     /// The set-point that is in force at a time in seconds.

@@ -7,7 +7,8 @@ use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
 use motor_hub::units::CountsPerSecond;
 use simulated::scenario::Scenario;
-use simulated::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject};
+use simulated::scenario::expectation::{Expectation, Expected, Quantity, Subject};
+use simulated::scheme::{BlendChoice, BlendError};
 
 const SOUND: &str = r#"name = "test"
 duration_s = 2.0
@@ -233,7 +234,6 @@ fn an_expectation_of_no_motor_in_particular_is_of_each() {
         "\n[[motors]]\nlabel = \"two\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
     let text = SOUND.replace("motor = \"one\"\n", "bus_between_v = [9, 13]\n") + second;
     let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-    let bounds = |low, high| Bounds { low, high };
     let expectation = |subject, quantity, bounds| Expectation {
         subject,
         window_s: 0.5..2.0,
@@ -242,9 +242,9 @@ fn an_expectation_of_no_motor_in_particular_is_of_each() {
     assert_eq!(
         scenario.expectations,
         [
-            expectation(Subject::Motor(0), Quantity::Speed, bounds(-100.0, 1100.0)),
-            expectation(Subject::Motor(1), Quantity::Speed, bounds(-100.0, 1100.0)),
-            expectation(Subject::Battery, Quantity::Bus, bounds(9.0, 13.0)),
+            expectation(Subject::Motor(0), Quantity::Speed, [-100.0, 1100.0]),
+            expectation(Subject::Motor(1), Quantity::Speed, [-100.0, 1100.0]),
+            expectation(Subject::Battery, Quantity::Bus, [9.0, 13.0]),
         ]
     );
 }
@@ -405,4 +405,11 @@ fn a_scheme_may_be_written_in_either_case() {
     let text = SOUND.replace("scheme = \"D\"", "scheme = \"d\"");
     let [upper, lower] = [SOUND, &text].map(|text| Scenario::parse("s.toml", text).expect("it is sound"));
     assert_eq!(upper.motors[0].scheme, lower.motors[0].scheme);
+}
+
+#[test]
+fn a_blend_lies_between_zero_and_one() {
+    for wrong in ["-0.1", "1.01", "nan", "half", ""] {
+        assert_eq!(wrong.parse::<BlendChoice>(), Err(BlendError::OutOfRange), "{wrong:?}");
+    }
 }

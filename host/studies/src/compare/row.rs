@@ -3,59 +3,58 @@
 use super::tasks::Task;
 use super::tuning::Gains;
 use super::variant::Variant;
-use crate::StudyError;
-use crate::measures::Measures;
-use crate::table;
-use motor_hub::braking::DutyRule;
-use serde::Serialize;
+use crate::measures::{Measures, Response};
+use crate::{StudyError, table, with_fields};
+use serde::{Serialize, Serializer};
+use serde_json::json;
 use simulated::scheme::SchemeWords;
 use simulated::sim;
 use simulated::trace::Trace;
 
-/// The measures of one task under one variant.
-#[derive(Clone, Debug, Serialize)]
+/// One task under one variant.
+#[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// The variant.
     pub(super) variant: Variant,
-    /// Scheme of the variant.
-    #[serde(flatten)]
-    scheme: SchemeWords,
-    /// Duty rule of the variant.
-    duty: DutyRule,
-    /// Regulator of the variant, "model" or "PID".
-    regulator: &'static str,
-    /// The coefficients; null for a model, which has none.
+    /// The coefficients; `None` for a model, which has none.
     pub(super) gains: Option<Gains>,
-    /// Seconds until the motor has [settled](crate::settling); null if it never settles.
-    pub(super) settling_s: Option<f64>,
-    /// Overshoot in percent of the step, or of the set-point after a change of torque; null at standstill.
-    pub(super) overshoot_percent: Option<f64>,
-    /// Root mean square of the speed's error from the event on, in counts/s.
-    pub(super) rms_error: f64,
-    /// Largest change of the mean current between control periods while slowing down, in amperes.
-    pub(super) peak_jerk_a: f64,
-    /// Difference of the highest and the lowest speed in the last second, in counts/s.
-    pub(super) limit_cycle: f64,
-    /// Energy returned to the battery from the event on, in joules.
-    pub(super) energy_returned_j: f64,
-    /// Integral of the error's magnitude from the event on, in counts.
-    pub(super) absolute_error: f64,
+    /// Measures from the event on.
+    pub(super) measures: Measures,
+    /// The response to the event.
+    pub(super) response: Response,
     /// True if the hub reported an encoder fault and released the motor.
     pub(super) fault: bool,
-    /// The run itself, for the charts.
-    #[serde(skip)]
     pub(super) trace: Trace,
+}
+
+impl Serialize for Row {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let measures = json!({
+            "variant": self.variant,
+            "duty": self.variant.duty,
+            "regulator": self.variant.regulator.name(),
+            "gains": self.gains,
+            "settling_s": self.response.settling_s,
+            "overshoot_percent": self.response.overshoot_percent,
+            "rms_error": self.response.rms_error,
+            "peak_jerk_a": self.measures.deceleration_jerk.worst_a,
+            "limit_cycle": self.response.swing,
+            "energy_returned_j": self.measures.energy_to_battery_j,
+            "absolute_error": self.response.absolute_error_s,
+            "fault": self.fault,
+        });
+        with_fields(json!(SchemeWords(self.variant.scheme)), measures).serialize(to)
+    }
 }
 
 impl Row {
     /// True if the motor did not settle, or if the hub reported an encoder fault.
     pub(super) const fn fails(&self) -> bool {
-        self.fault || self.settling_s.is_none()
+        self.fault || self.response.settling_s.is_none()
     }
 
     /// The settling time as text.
     pub(super) fn settling(&self) -> String {
-        if self.fault { "fault".to_owned() } else { table::seconds(self.settling_s) }
+        if self.fault { "fault".to_owned() } else { table::seconds(self.response.settling_s) }
     }
 
     /// Runs one task under one variant.
@@ -72,23 +71,8 @@ impl Row {
         let trace = sim::run(&scenario, &mut |_| ())?;
         let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
         let measures = Measures::between(motor, task.event_s..scenario.duration_s, &trace, 0);
-        let response = measures.responses.first().ok_or(StudyError::NoEvent)?;
+        let response = measures.responses.first().ok_or(StudyError::NoEvent)?.clone();
         let fault = trace.motor(0).any(|(_, sample)| sample.report.faults.encoder.is_some());
-        Ok(Self {
-            variant,
-            scheme: SchemeWords(variant.scheme),
-            duty: variant.duty,
-            regulator: variant.regulator.name(),
-            gains,
-            settling_s: response.settling_s,
-            overshoot_percent: response.overshoot_percent,
-            rms_error: response.rms_error,
-            peak_jerk_a: measures.deceleration_jerk.worst_a,
-            limit_cycle: response.swing,
-            energy_returned_j: measures.energy_to_battery_j,
-            absolute_error: response.absolute_error_s,
-            fault,
-            trace,
-        })
+        Ok(Self { variant, gains, measures, response, fault, trace })
     }
 }

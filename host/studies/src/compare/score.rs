@@ -19,12 +19,12 @@ pub(super) struct Column {
 /// Differences up to half a control period, half a percent, one count per second, and a hundredth of an ampere or of a
 /// joule are ties.
 pub(super) const COLUMNS: [Column; 6] = [
-    Column { name: "settling", value: |r| r.settling_s, tie: 0.026 },
-    Column { name: "overshoot", value: |r| r.overshoot_percent, tie: 0.5 },
-    Column { name: "rms error", value: |r| Some(r.rms_error), tie: 1.0 },
-    Column { name: "peak jerk", value: |r| Some(r.peak_jerk_a), tie: 0.01 },
-    Column { name: "limit cycle", value: |r| Some(r.limit_cycle), tie: 1.0 },
-    Column { name: "returned", value: |r| Some(-r.energy_returned_j), tie: 0.01 },
+    Column { name: "settling", value: |r| r.response.settling_s, tie: 0.026 },
+    Column { name: "overshoot", value: |r| r.response.overshoot_percent, tie: 0.5 },
+    Column { name: "rms error", value: |r| Some(r.response.rms_error), tie: 1.0 },
+    Column { name: "peak jerk", value: |r| Some(r.measures.deceleration_jerk.worst_a), tie: 0.01 },
+    Column { name: "limit cycle", value: |r| Some(r.response.swing), tie: 1.0 },
+    Column { name: "returned", value: |r| Some(-r.measures.energy_to_battery_j), tie: 0.01 },
 ];
 
 /// Counts that are added to each integral of |error|, so that variants with hardly any error tie.
@@ -103,7 +103,8 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
                 gains,
                 error_ratio: (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / many).exp(),
                 worst_ratio: ratios.iter().copied().fold(1.0, f64::max),
-                mean_jerk_a: rows.iter().map(|row| row.peak_jerk_a).sum::<f64>() / many,
+                mean_jerk_a: rows.iter().map(|row| row.measures.deceleration_jerk.worst_a).sum::<f64>()
+                    / many,
                 failures: rows.iter().filter(|row| row.fails()).count(),
                 ratios,
                 wins: winners.iter().filter(|winner| winner.variants.contains(&variant)).count(),
@@ -115,7 +116,7 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
 }
 
 fn error(row: &Row) -> f64 {
-    row.absolute_error + NEGLIGIBLE
+    row.response.absolute_error_s + NEGLIGIBLE
 }
 
 /// The least error at a task in any round.

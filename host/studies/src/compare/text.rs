@@ -182,12 +182,12 @@ fn all_measures(round: &Round) -> Table {
             ("P/f", &|(_, row)| factor(row.gains, |gains| gains.p)),
             ("I/f", &|(_, row)| factor(row.gains, |gains| gains.i)),
             ("settling", &|(_, row)| row.settling()),
-            ("overshoot", &|(_, row)| table::percent(row.overshoot_percent)),
-            ("rms error", &|(_, row)| format!("{:.1}", row.rms_error)),
-            ("peak jerk", &|(_, row)| format!("{:.2}", row.peak_jerk_a)),
-            ("limit cycle", &|(_, row)| format!("{:.1}", row.limit_cycle)),
-            ("returned", &|(_, row)| format!("{:.2}", row.energy_returned_j)),
-            ("|error|", &|(_, row)| format!("{:.0}", row.absolute_error)),
+            ("overshoot", &|(_, row)| table::percent(row.response.overshoot_percent)),
+            ("rms error", &|(_, row)| format!("{:.1}", row.response.rms_error)),
+            ("peak jerk", &|(_, row)| format!("{:.2}", row.measures.deceleration_jerk.worst_a)),
+            ("limit cycle", &|(_, row)| format!("{:.1}", row.response.swing)),
+            ("returned", &|(_, row)| format!("{:.2}", row.measures.energy_to_battery_j)),
+            ("|error|", &|(_, row)| format!("{:.0}", row.response.absolute_error_s)),
         ],
     )
 }

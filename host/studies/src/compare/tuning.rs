@@ -132,6 +132,6 @@ fn cost(task: &Task, row: &Row) -> f64 {
         };
         (target(task.event_s) - target(0.0)).abs()
     });
-    let overshoot = row.overshoot_percent.unwrap_or(0.0) / 100.0 * step;
-    row.absolute_error + OF_OVERSHOOT_S * overshoot + OF_LIMIT_CYCLE_S * row.limit_cycle
+    let overshoot = row.response.overshoot_percent.unwrap_or(0.0) / 100.0 * step;
+    row.response.absolute_error_s + OF_OVERSHOOT_S * overshoot + OF_LIMIT_CYCLE_S * row.response.swing
 }

@@ -6,8 +6,10 @@ use motor_hub::model::load::Load;
 use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
 use motor_hub::model::si::{Kilograms, Metres, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::units::Control;
+use serde::Serialize;
 
 /// A number that the paper prints.
+#[derive(Serialize)]
 pub(crate) struct Number {
     /// Section of the paper.
     pub(crate) section: &'static str,
@@ -15,45 +17,58 @@ pub(crate) struct Number {
     pub(crate) name: &'static str,
     /// The number as printed.
     pub(crate) printed: &'static str,
-    /// The number as computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre"
-    /// of the motor shaft.
-    pub(crate) ours: fn(&Motor) -> f64,
+    /// The number as computed here.
+    pub(crate) ours: f64,
+    /// True if both numbers agree to the last printed digit. A printed fraction must agree with a relative error of at
+    /// most 1e-12.
+    pub(crate) agrees: bool,
 }
 
-const fn number(
-    section: &'static str,
-    name: &'static str,
-    printed: &'static str,
-    ours: fn(&Motor) -> f64,
-) -> Number {
-    Number { section, name, printed, ours }
+fn number(section: &'static str, name: &'static str, printed: &'static str, ours: f64) -> Number {
+    let agrees = if let Some((over, under)) = printed.split_once('/') {
+        match (over.parse::<f64>(), under.parse::<f64>()) {
+            (Ok(over), Ok(under)) => (over / under - ours).abs() <= 1e-12 * ours.abs(),
+            _ => false,
+        }
+    } else {
+        let decimals = printed.split_once('.').map_or(0, |(_, digits)| digits.len());
+        let half_digit = 0.5 * 10f64.powi(-(decimals as i32));
+        printed.parse::<f64>().is_ok_and(|value| (value - ours).abs() <= half_digit)
+    };
+    Number { section, name, printed, ours, agrees }
 }
 
-/// All numbers that the paper prints.
-pub(crate) const PRINTED: [Number; 20] = [
-    number("2.2.2", "vapp0 per Omega, post-gearbox", "314339/266500", |m| voltage(m, post(m, 1.0))),
-    number("2.2.2", "vg per Omega, post-gearbox", "533/500", |m| emf(m, post(m, 1.0))),
-    number("2.2.2", "vapp0 at Omega=2 post", "314339/133250", |m| voltage(m, post(m, 2.0))),
-    number("2.2.2", "dv to vg at Omega=2 post", "-121/533", |m| {
-        emf(m, post(m, 2.0)) - voltage(m, post(m, 2.0))
-    }),
-    number("2.2.3", "vapp0 at Omega=1 post", "1.17951", |m| voltage(m, post(m, 1.0))),
-    number("2.2.3", "mean-zero-current drop, Omega=1 post, 50 ms", "-0.132111", |m| drop(m, post(m, 1.0))),
-    number("2.3", "max velocity 12 V post", "10.1737", |m| free(m).speed.0 / m.gear_ratio),
-    number("revision, 2.2.2", "vapp0 per Omega, pre-gearbox", "314339/15990000", |m| voltage(m, PRE)),
-    number("revision, 2.2.2", "vg per Omega, pre-gearbox", "533/30000", |m| emf(m, PRE)),
-    number("revision, 2.2.3", "vapp0 at Omega=1 pre", "0.0196585", |m| voltage(m, PRE)),
-    number("revision, 2.2.3", "mean-zero-current drop, Omega=1 pre, 50 ms", "-0.00220185", |m| drop(m, PRE)),
-    number("revision, 2.3", "max velocity 12 V pre", "610.424", |m| free(m).speed.0),
-    number("revision", "keFw", "3.98683", Motor::ke_fw),
-    number("revision, 1.3", "brake duty of the example points at -10000", "0.740234", |_| example_duty()),
-    number("modelling paper", "steady current 12 V", "0.349941", |m| free(m).current.0),
-    number("modelling paper", "slow pole", "-6.86584", |m| -poles(m, 10.0).0),
-    number("modelling paper", "fast pole", "-4748.84", |m| -poles(m, 10.0).1),
-    number("time constants", "slow time constant, 5 kg flywheel", "0.072744", |m| 1.0 / poles(m, 5.0).0),
-    number("time constants", "fast time constant, 5 kg flywheel", "0.000210854", |m| 1.0 / poles(m, 5.0).1),
-    number("time constants", "L->0 time constant", "0.0729347", |m| with_flywheel(m, 5.0).tau_m().0),
-];
+/// All numbers that the paper prints, computed for the motor of the paper's examples. Speeds "post" are of the output
+/// shaft, "pre" of the motor shaft.
+pub(crate) fn numbers(m: &Motor) -> [Number; 20] {
+    [
+        number("2.2.2", "vapp0 per Omega, post-gearbox", "314339/266500", voltage(m, post(m, 1.0))),
+        number("2.2.2", "vg per Omega, post-gearbox", "533/500", emf(m, post(m, 1.0))),
+        number("2.2.2", "vapp0 at Omega=2 post", "314339/133250", voltage(m, post(m, 2.0))),
+        number(
+            "2.2.2",
+            "dv to vg at Omega=2 post",
+            "-121/533",
+            emf(m, post(m, 2.0)) - voltage(m, post(m, 2.0)),
+        ),
+        number("2.2.3", "vapp0 at Omega=1 post", "1.17951", voltage(m, post(m, 1.0))),
+        number("2.2.3", "mean-zero-current drop, Omega=1 post, 50 ms", "-0.132111", drop(m, post(m, 1.0))),
+        number("2.3", "max velocity 12 V post", "10.1737", free(m).speed.0 / m.gear_ratio),
+        number("revision, 2.2.2", "vapp0 per Omega, pre-gearbox", "314339/15990000", voltage(m, PRE)),
+        number("revision, 2.2.2", "vg per Omega, pre-gearbox", "533/30000", emf(m, PRE)),
+        number("revision, 2.2.3", "vapp0 at Omega=1 pre", "0.0196585", voltage(m, PRE)),
+        number("revision, 2.2.3", "mean-zero-current drop, Omega=1 pre, 50 ms", "-0.00220185", drop(m, PRE)),
+        number("revision, 2.3", "max velocity 12 V pre", "610.424", free(m).speed.0),
+        number("revision", "keFw", "3.98683", m.ke_fw()),
+        number("revision, 1.3", "brake duty of the example points at -10000", "0.740234", example_duty()),
+        number("modelling paper", "steady current 12 V", "0.349941", free(m).current.0),
+        number("modelling paper", "slow pole", "-6.86584", -poles(m, 10.0).0),
+        number("modelling paper", "fast pole", "-4748.84", -poles(m, 10.0).1),
+        number("time constants", "slow time constant, 5 kg flywheel", "0.072744", 1.0 / poles(m, 5.0).0),
+        number("time constants", "fast time constant, 5 kg flywheel", "0.000210854", 1.0 / poles(m, 5.0).1),
+        number("time constants", "L->0 time constant", "0.0729347", with_flywheel(m, 5.0).tau_m().0),
+    ]
+}
 
 /// 1 rad/s of the motor shaft.
 const PRE: RadPerSec = RadPerSec(1.0);

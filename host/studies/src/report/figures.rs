@@ -1,9 +1,9 @@
 //! The charts of a run: one for each motor, and one of all motors with and without braking regime.
 
 use super::{RunReport, WITHOUT};
-use crate::NamedFigure;
 use crate::measures::regime_of;
 use crate::points::{CONTROL_RANGE, fraction};
+use crate::{Lines, NamedFigure};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
@@ -25,7 +25,7 @@ pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
 }
 
 fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> Figure {
-    let lines = Lines { trace, index };
+    let lines = Lines { trace, motor: index };
     let bands = regimes(scenario, trace, index);
     let over_bands = |panel: Panel| Panel { bands: bands.clone(), ..panel };
     let mut panels = Vec::new();
@@ -34,14 +34,14 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         let position = lines.line("position", colour::INK, Style::Line, |s| s.counts as f64);
         panels.push(over_bands(Panel::new("position, counts", 150.0, vec![goal, position])));
     }
-    panels.push(over_bands(Panel::new("speed, counts/s", 170.0, speed_lines(motor, &lines))));
+    panels.push(over_bands(Panel::new("speed, counts/s", 170.0, speed_lines(motor, lines))));
     let control = lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.control.get()));
     let control = Panel::new("control", 130.0, vec![control]);
     panels.push(over_bands(Panel { y_range: Some(CONTROL_RANGE), ..control }));
     let duty = lines.line("duty", colour::INK, Style::Step, |s| 100.0 * s.report.drive.duty.to_f64());
     let duty = Panel::new("duty, %", 80.0, vec![duty]);
     panels.push(over_bands(Panel { y_range: Some((0.0, 104.0)), ..duty }));
-    panels.push(over_bands(Panel::new(CURRENT, 110.0, currents(&lines))));
+    panels.push(over_bands(Panel::new(CURRENT, 110.0, currents(lines))));
     if motor.torques.iter().any(|t| t.value != 0.0) {
         let torque = lines.line("torque", colour::INK, Style::Step, |s| s.torque_nm);
         panels.push(Panel::new("external torque on the output shaft, N m", 60.0, vec![torque]));
@@ -64,15 +64,15 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
 }
 
 /// The current, and the observed load current if the hub reports it.
-fn currents(lines: &Lines) -> Vec<Series> {
+fn currents(lines: Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
-    let observed = lines.trace.motor(lines.index).any(|(_, sample)| sample.report.load.is_some());
+    let observed = lines.trace.motor(lines.motor).any(|(_, sample)| sample.report.load.is_some());
     let load = observed.then(|| lines.line("load, observed", colour::RED, Style::Step, load));
     [current].into_iter().chain(load).collect()
 }
 
-fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
+fn speed_lines(motor: &Motor, lines: Lines) -> Vec<Series> {
     let speed = lines.line("speed", colour::INK, Style::Line, |s| s.speed_cps);
     if has_velocity(motor) {
         vec![lines.line("set-point", colour::RED, Style::DashedStep, velocity_goal), speed]
@@ -103,8 +103,8 @@ fn has_position(scenario: &Scenario, index: usize) -> bool {
 fn compared(comparison: &RunReport) -> Figure {
     let mut panels = Vec::new();
     for (index, motor) in comparison.scenario.motors.iter().enumerate() {
-        let without = Lines { trace: &comparison.without, index };
-        let as_set = Lines { trace: &comparison.as_set, index };
+        let without = Lines { trace: &comparison.without, motor: index };
+        let as_set = Lines { trace: &comparison.as_set, motor: index };
         let name = scheme::describe(motor.scheme);
         let both = |value: fn(&Sample) -> f64, style| {
             vec![
@@ -148,18 +148,6 @@ fn battery(trace: &Trace) -> Panel {
         line("as measured", colour::GREEN, &|t| t.measured_v.unwrap_or(f64::NAN)),
     ];
     Panel::new("battery, V", 80.0, series)
-}
-
-/// Lines of one motor in one run.
-struct Lines<'a> {
-    trace: &'a Trace,
-    index: usize,
-}
-
-impl Lines<'_> {
-    fn line(&self, name: &str, colour: &'static str, style: Style, value: impl Fn(&Sample) -> f64) -> Series {
-        crate::line((name, colour, style), self.trace, self.index, value)
-    }
 }
 
 fn velocity_goal(sample: &Sample) -> f64 {

@@ -5,9 +5,8 @@ use crate::velocity;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, motors};
-use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
@@ -60,8 +59,7 @@ fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
     for motor in motors {
         let (rough, percent) = (random.chance(ROUGH), random.rounded(0.0, MOST_FRICTION, 10.0));
         if rough {
-            let stall = motor.constants.stall_torque(Volts(12.0));
-            motor.constants.friction = Friction::with_coulomb(NewtonMetres(percent / 100.0 * stall.0));
+            motor.set_friction(percent);
         }
     }
 }

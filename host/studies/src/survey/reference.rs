@@ -9,9 +9,8 @@ use crate::StudyError;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
@@ -122,22 +121,21 @@ pub fn tasks() -> Result<Vec<Task>, StudyError> {
         1,
         with_torque(plan("AM 60 A", 0.05, &[position(0.5, 0)])?, 4.0, 0.4),
     );
-    for (cps, reference) in [(5, "0.9 %"), (10, "0.5 %"), (20, "0.9 %"), (50, "1.2 %")] {
-        let crawl = |motor: &&str| plan(motor, 0.0, &velocities(&[(0.0, cps)]));
-        let scenarios = CRAWLERS.iter().map(crawl).collect::<Result<_, _>>()?;
-        all.push(Task {
-            name: format!("{cps} counts/s, rms"),
-            reference,
-            figure: Rms,
-            scenarios,
-            response: 0,
-        });
-    }
-    for (cps, reference) in [(5, "0.8 %"), (10, "0.6 %"), (20, "0.9 %"), (50, "1.0 %")] {
-        let crawl = |motor: &&str| plan(motor, 0.0, &velocities(&[(0.0, cps)])).map(with_friction);
-        let scenarios = CRAWLERS.iter().map(crawl).collect::<Result<_, _>>()?;
-        let name = format!("{cps} counts/s, 5 % friction, rms");
-        all.push(Task { name, reference, figure: Rms, scenarios, response: 0 });
+    let speeds = [5, 10, 20, 50];
+    for (friction, name, references) in [
+        (0.0, "", ["0.9 %", "0.5 %", "0.9 %", "1.2 %"]),
+        (5.0, ", 5 % friction", ["0.8 %", "0.6 %", "0.9 %", "1.0 %"]),
+    ] {
+        for (cps, reference) in speeds.into_iter().zip(references) {
+            let mut scenarios = Vec::new();
+            for motor in CRAWLERS {
+                let mut scenario = plan(motor, 0.0, &velocities(&[(0.0, cps)]))?;
+                scenario.motors.iter_mut().for_each(|motor| motor.set_friction(friction));
+                scenarios.push(scenario);
+            }
+            let name = format!("{cps} counts/s{name}, rms");
+            all.push(Task { name, reference, figure: Rms, scenarios, response: 0 });
+        }
     }
     Ok(all)
 }
@@ -162,15 +160,6 @@ fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scen
 fn with_torque(mut scenario: Scenario, at_s: f64, value: f64) -> Scenario {
     for motor in &mut scenario.motors {
         motor.torques.push(Timed { at_s, value });
-    }
-    scenario
-}
-
-/// Coulomb friction of 5 % of the stall torque at 12 V.
-fn with_friction(mut scenario: Scenario) -> Scenario {
-    for motor in &mut scenario.motors {
-        let stall = motor.constants.stall_torque(Volts(12.0));
-        motor.constants.friction = Friction::with_coulomb(NewtonMetres(0.05 * stall.0));
     }
     scenario
 }

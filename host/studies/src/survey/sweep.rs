@@ -7,9 +7,8 @@ use crate::{position, velocity};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
-use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{KgM2, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
@@ -122,12 +121,11 @@ fn motors(volts: f64) -> Vec<Motor> {
             Scheme::ALL.into_iter().flat_map(|scheme| DutyRule::ALL.map(|duty| (scheme, duty)))
         {
             for percent in FRICTION_PERCENT {
-                let mut constants = constants;
-                let coulomb = percent / 100.0 * constants.stall_torque(Volts(12.0)).0;
-                constants.friction = Friction::with_coulomb(NewtonMetres(coulomb));
                 let setpoints = course(1e3 * volts / constants.ke_fw());
                 let label = format!("{} {}", constants.name, all.len());
-                all.push(Motor { label, scheme, duty, setpoints, ..Motor::new(constants, Load::NONE) });
+                let mut motor = Motor { label, scheme, duty, setpoints, ..Motor::new(constants, Load::NONE) };
+                motor.set_friction(percent);
+                all.push(motor);
             }
         }
     }

@@ -2,7 +2,7 @@
 //! motor and a group, the expectations are about every motor or about the battery.
 
 use super::{check_time, find};
-use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
+use crate::scenario::expectation::{Expectation, Expected, Quantity, Subject, regime_name};
 use crate::scenario::numbers::{
     BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, one_of,
 };
@@ -150,7 +150,7 @@ const OF_GROUPS: &str =
     "an expectation of a group allows settles_within_s and heading_error_below_degrees only";
 
 fn below(high: Option<impl Into<f64>>, quantity: Quantity) -> Option<Expected> {
-    high.map(|high| Expected::Quantity(quantity, Bounds { low: 0.0, high: high.into() }))
+    high.map(|high| Expected::Quantity(quantity, [0.0, high.into()]))
 }
 
 fn between(ends: Option<[impl Into<f64>; 2]>, quantity: Quantity) -> Result<Option<Expected>, String> {
@@ -161,5 +161,5 @@ fn between(ends: Option<[impl Into<f64>; 2]>, quantity: Quantity) -> Result<Opti
             quantity.key()
         ));
     }
-    Ok(Some(Expected::Quantity(quantity, Bounds { low, high })))
+    Ok(Some(Expected::Quantity(quantity, [low, high])))
 }
