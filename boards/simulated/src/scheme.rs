@@ -6,6 +6,7 @@
 //!
 //! let scheme = SchemeName::D.with_blend(Some("0.25".parse()?))?;
 //! assert_eq!(describe(scheme), "scheme D, blend 0.250");
+//! assert_eq!(describe(SchemeName::D.with_blend(None)?), "scheme D, automatic blend");
 //! assert_eq!("b".parse(), Ok(SchemeName::B));
 //! assert!(SchemeName::B.with_blend(Some("0.25".parse()?)).is_err());
 //! # Ok::<(), simulated::scheme::BlendError>(())

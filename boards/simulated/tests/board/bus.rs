@@ -7,10 +7,10 @@ use simulated::scenario::Scenario;
 use simulated::without_tasks;
 
 /// A scenario of some motors of one kind on 12 V behind 1000 uF.
-struct Run {
+struct Run<'a> {
     motors: usize,
-    bus: &'static str,
-    motor: &'static str,
+    bus: &'a str,
+    motor: &'a str,
     seconds: f64,
 }
 
@@ -48,7 +48,7 @@ struct Measured {
     dissipated_j: f64,
 }
 
-impl Run {
+impl Run<'_> {
     fn scenario(&self, period_ms: u32) -> Scenario {
         let motors: String =
             (0..self.motors).map(|n| format!("[[motors]]\nlabel = \"{n}\"{}", self.motor)).collect();
@@ -135,8 +135,8 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
 
 #[test]
 fn winches_are_held_at_every_period_when_unknown_and_by_real_bridges() {
-    let real: &'static str = format!("{WINCH}bridge = \"vnh5019\"\n").leak();
-    let unknown: &'static str = format!("{WINCH}configured = \"nothing\"\n").leak();
+    let real = &format!("{WINCH}bridge = \"vnh5019\"\n");
+    let unknown = &format!("{WINCH}configured = \"nothing\"\n");
     for (period_ms, motor) in [(1, WINCH), (10, real), (10, unknown), (50, real), (100, real)] {
         let measured = Run { motors: 4, bus: ONE_WAY, motor, seconds: 6.0 }.measure_at(period_ms, 2_000);
         assert!(
@@ -175,9 +175,9 @@ fn a_step_down_settles_as_soon_as_on_a_battery_that_sinks() {
 
 #[test]
 fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two_samples() {
-    let scheme_c: &'static str = format!("{FLYWHEEL}scheme = \"C\"\n").leak();
-    let unknown: &'static str = format!("{FLYWHEEL}configured = \"nothing\"\n").leak();
-    let real: &'static str = format!("{FLYWHEEL}scheme = \"C\"\nbridge = \"vnh5019\"\n").leak();
+    let scheme_c = &format!("{FLYWHEEL}scheme = \"C\"\n");
+    let unknown = &format!("{FLYWHEEL}configured = \"nothing\"\n");
+    let real = &format!("{FLYWHEEL}scheme = \"C\"\nbridge = \"vnh5019\"\n");
     for (period_ms, motor) in [(1, scheme_c), (1, real), (50, scheme_c), (50, unknown), (100, unknown)] {
         let measured = Run { motors: 4, bus: ONE_WAY, motor, seconds: 5.0 }.measure_at(period_ms, 3_000);
         assert!(measured.highest_v <= UPPER_V, "{period_ms} ms: {} V", measured.highest_v);
@@ -188,9 +188,8 @@ fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two
 #[test]
 fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
     let heavy = WINCH.replace("0.05", "0.2").replace("torques = [{ at_s = 2.0, torque_nm = 0.8 }]", "");
-    let heavy: &'static str = heavy
-        .replace("velocity_cps = 1360 }", "velocity_cps = 2400 }, { at_s = 4.0, velocity_cps = 600 }")
-        .leak();
+    let heavy =
+        &heavy.replace("velocity_cps = 1360 }", "velocity_cps = 2400 }, { at_s = 4.0, velocity_cps = 600 }");
     let measured = Run { motors: 4, bus: ONE_WAY, motor: heavy, seconds: 7.0 }.measure(4_000);
     assert!(measured.highest_v <= UPPER_V, "{} V", measured.highest_v);
     assert!((measured.speeds[0].last().expect("ran") - 600.0).abs() < 20.0);

@@ -1,52 +1,24 @@
 //! Interventions in the battery and the motors of a served hub.
 
+use crate::host::Served;
 use motor_hub::extension::Request;
 use motor_hub::protocol::motor::ToMotor;
-use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::payload::Field;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, ToHub};
-use motor_hub::protocol::{Address, Decoder, frame};
-use motor_hub::units::Micros;
 use simulated::encoder::{Encoder, Wire as EncoderWire};
 use simulated::scenario::{Attached, Bus, Scenario, Timed};
 use simulated::serve::interventions::{Interventions, OnMotor};
-use simulated::serve::{self, Hubs, Line};
-use std::future::Future;
-use std::io::{Read, Write};
-use std::pin::pin;
-use std::sync::PoisonError;
-use std::task::{Context, Waker};
 
 /// Serves a hub for this time with the interventions of each millisecond, and returns its answer to a request.
 fn answer<A: Field>(
     scenario: &Scenario,
-    interventions: impl Fn(u32) -> Interventions,
+    interventions: impl Fn(u32) -> Interventions + 'static,
     time_ms: u32,
     request: impl Into<Request>,
 ) -> A {
-    let _clock = crate::CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let (line, mut host) = Line::within_process();
-    let hubs = Hubs::one(Address::DEFAULT);
-    let mut ms = 0;
-    let mut intervene = |now: &mut _| {
-        *now = interventions(ms);
-        ms += 1;
-    };
-    let mut show = |_: serve::Moment<'_>| true;
-    let mut hub = pin!(serve::steps(scenario, &hubs, line, None, &mut intervene, &mut show));
-    let mut pass = |ms| {
-        for _ in 0..ms {
-            assert!(hub.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_pending());
-        }
-    };
-    pass(time_ms);
-    let request = request.into();
-    let packet = request.packet(Address::DEFAULT.get(), 1, request.id());
-    host.write_all(&frame::encode(&packet)).expect("a queue");
-    pass(5);
-    let mut bytes = [0; 64];
-    let length = host.read(&mut bytes).expect("an answer");
-    let answer = Decoder::new().next(&mut &bytes[..length], Micros::new(0)).expect("a packet");
-    A::read(&mut Fields::new(&answer.payload)).expect("a value")
+    let mut hub = Served::new(scenario.clone(), &[2], interventions);
+    hub.pass(time_ms);
+    hub.value(request, 2)
 }
 
 #[test]
@@ -54,7 +26,8 @@ fn a_loose_encoder_of_an_intervention_loses_counts() {
     let counts = |encoder| {
         let motors = [OnMotor { torque_nm: Some(1.0), encoder, ..OnMotor::default() }; 4];
         let interventions = Interventions { motors, ..Interventions::default() };
-        let counts: i32 = answer(&Scenario::to_serve(), |_| interventions, 2_000, ToMotor::Encoder.to(0));
+        let counts: i32 =
+            answer(&Scenario::to_serve(), move |_| interventions, 2_000, ToMotor::Encoder.to(0));
         f64::from(counts)
     };
     let sound = counts(None);
@@ -72,7 +45,7 @@ fn a_restart_closes_the_contactor_and_disconnects_what_was_not_connected_at_the_
     let lower = Interventions { emf_v: Some(9.0), ..Interventions::default() };
     let restarted = Interventions { restarts: 1, ..lower };
     let reading = |channel: AdcChannel, later: Interventions| {
-        let interventions = |ms| if ms < 600 { Interventions::default() } else { later };
+        let interventions = move |ms| if ms < 600 { Interventions::default() } else { later };
         let request = ToHub::Adc { channel, raw: false };
         answer::<i16>(&scenario, interventions, 1_000, request)
     };

@@ -12,15 +12,16 @@ use simulated::world::Board;
 use std::sync::{Mutex, PoisonError};
 
 mod bus;
+mod chain;
 mod coefficients;
 mod currents;
 mod devices;
 mod files;
 mod heading;
+mod host;
 mod interventions;
 mod runs;
 mod scenarios;
-mod scheme;
 mod wires;
 mod world;
 
