@@ -67,18 +67,13 @@ impl Goal {
     /// The goal of a set-point; `None` if the set-point regulates neither speed nor position of a motor alone.
     pub fn of(setpoint: Setpoint) -> Option<Self> {
         match setpoint {
-            Setpoint::Disabled
-            | Setpoint::FailSafe
-            | Setpoint::ConstantPower(_)
-            | Setpoint::Current { .. }
-            | Setpoint::Identify { .. }
-            | Setpoint::Follow(_) => None,
             Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
             Setpoint::Position { target, tolerance, speed_limit } => Some(Self::Position {
                 counts: target.into(),
                 tolerance: tolerance.into(),
                 limit_cps: speed_limit.to_f64().abs(),
             }),
+            _ => None,
         }
     }
 

@@ -212,12 +212,11 @@ impl Survey {
 /// The number of all responses of a scenario, and the responses that can be settled.
 fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
     let scenario = random::scenario(seed, number);
-    let challenges = responses::challenges(&scenario);
-    let possible = settleable(&scenario, &challenges)?;
+    let all = responses::challenges(&scenario);
+    let challenges = settleable(&scenario, &all)?;
     // Runs end with the last response that can be settled.
-    let can_settle = challenges.iter().zip(&possible).filter(|(_, possible)| **possible);
-    let Some(end_ms) = can_settle.map(|(challenge, _)| challenge.to_ms()).max() else {
-        return Ok((challenges.len(), Vec::new()));
+    let Some(end_ms) = challenges.iter().map(Challenge::to_ms).max() else {
+        return Ok((all.len(), Vec::new()));
     };
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
@@ -232,9 +231,10 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             all.push(responses::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
         }
     }
-    let judged = challenges.iter().zip(possible).zip(verdicts).filter(|((_, possible), _)| *possible);
-    let responses = judged
-        .filter_map(|((challenge, _), verdicts)| {
+    let responses = challenges
+        .iter()
+        .zip(verdicts)
+        .filter_map(|(challenge, verdicts)| {
             let motor = scenario.motors.get(challenge.motor)?;
             Some(Response {
                 scenario: number,
@@ -251,7 +251,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             })
         })
         .collect();
-    Ok((challenges.len(), responses))
+    Ok((all.len(), responses))
 }
 
 fn what(challenge: &Challenge) -> String {

@@ -185,7 +185,7 @@ struct State {
     slack: f64,
 }
 
-/// For each challenge of a scenario, by motor and time, whether some regulator can settle it before the next change.
+/// The challenges of a scenario, by motor and time, that some regulator can settle before the next change.
 ///
 /// The ideal time is the time with full voltage within the scheme's range, in one direction and then in the other. The
 /// voltage is 95 % of the battery's voltage with all motors stalled. The granted time is 1.5 times the ideal time plus
@@ -193,19 +193,22 @@ struct State {
 /// for which it must stay settled. Some control value must also keep the speed, or standstill at a position, under the
 /// torque with a tenth of the voltage left. After a challenge that cannot be settled the state of the motor is not
 /// known, so the motor's further challenges are not judged.
-pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
-    let mut all = Vec::with_capacity(challenges.len());
+pub(super) fn settleable(
+    scenario: &Scenario,
+    challenges: &[Challenge],
+) -> Result<Vec<Challenge>, StudyError> {
+    let period_s = f64::from(scenario.period.as_millis()) / 1e3;
+    let mut settleable = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
         let machine = Machine::new(scenario, motor)?;
-        let mut at = Some(State { speed: 0.0, counts: 0.0, slack: 0.0 });
+        let mut at = State { speed: 0.0, counts: 0.0, slack: 0.0 };
         for challenge in challenges.iter().filter(|challenge| challenge.motor == index) {
-            let period = f64::from(scenario.period.as_millis()) / 1e3;
-            let after = at.and_then(|at| machine.answer(challenge, &at, period));
-            all.push(after.is_some());
+            let Some(after) = machine.answer(challenge, &at, period_s) else { break };
+            settleable.push(challenge.clone());
             at = after;
         }
     }
-    Ok(all)
+    Ok(settleable)
 }
 
 impl Machine {

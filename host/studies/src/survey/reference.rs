@@ -183,38 +183,32 @@ fn arm() -> Result<Scenario, StudyError> {
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let tasks = tasks()?;
-    let phases = |task: &Task| if settles(task) { &[false, true][..] } else { &[false] };
-    let cases: Vec<(&Task, bool)> =
-        tasks.iter().flat_map(|task| phases(task).iter().map(move |&late| (task, late))).collect();
-    let responses = 2 * cases.len() * PERIODS.len();
+    let responses = 2 * tasks.len() * PERIODS.len();
     let total = responses + base::RUNS;
-    let work = |&(task, late): &(&Task, bool), configured, ms| worst(task, late, configured, ms);
-    let verdicts = parallel::at_all_periods(&cases, &PERIODS, work, &mut |done, _| progress(done, total))?;
-    let mut verdicts = verdicts.into_iter();
-    let mut rows = Vec::with_capacity(tasks.len());
-    for task in &tasks {
-        let [configured, unknown] = verdicts.next().unwrap_or_default();
-        let late = if settles(task) { verdicts.next() } else { None };
-        let [configured_late, unknown_late] = late.unwrap_or_default();
-        rows.push(Row {
+    let work = |task: &Task, configured, ms| {
+        let late =
+            (task.figure == Figure::Settling).then(|| worst(task, true, configured, ms)).transpose()?;
+        Ok((worst(task, false, configured, ms)?, late))
+    };
+    let verdicts = parallel::at_all_periods(&tasks, &PERIODS, work, &mut |done, _| progress(done, total))?;
+    let row = |(task, verdicts): (&Task, [Vec<(Verdict, Option<Verdict>)>; 2])| {
+        let [(configured, configured_late), (unknown, unknown_late)] =
+            verdicts.map(|both| both.into_iter().unzip::<_, _, Vec<_>, Vec<_>>());
+        Row {
             speed: speed(task),
             name: task.name.clone(),
             reference: task.reference,
             figure: task.figure,
             configured,
             unknown,
-            configured_late,
-            unknown_late,
+            configured_late: configured_late.into_iter().flatten().collect(),
+            unknown_late: unknown_late.into_iter().flatten().collect(),
             ..Row::default()
-        });
-    }
+        }
+    };
+    let mut rows: Vec<Row> = tasks.iter().zip(verdicts).map(row).collect();
     rows.extend(base::rows(&mut |done, _| progress(responses + done, total))?);
     Ok(rows)
-}
-
-/// True for a task whose settling time counts. Such a task also runs with a late change.
-fn settles(task: &Task) -> bool {
-    task.figure == Figure::Settling
 }
 
 /// The speed set-point of a task in counts/s; 0 for a position.
