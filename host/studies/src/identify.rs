@@ -74,11 +74,17 @@ impl Identifications {
         last.map(|motor| motor.report.identification)
     }
 
+    /// Each motor with its true dynamics and its outcome.
+    fn motors(&self) -> impl Iterator<Item = (&Motor, &Dynamics, Identification)> {
+        let motors = self.scenario.motors.iter().zip(&self.truth);
+        motors.zip(self.outcomes()).map(|((motor, truth), outcome)| (motor, truth, outcome))
+    }
+
     /// A table for each motor.
     #[must_use]
     pub fn tables(&self) -> String {
         let mut out = String::new();
-        for ((motor, truth), outcome) in self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes()) {
+        for (motor, truth, outcome) in self.motors() {
             let title = format!("{}: {}", motor.label, motor.constants.name);
             match outcome {
                 Identification::Found(found) => {
@@ -94,17 +100,12 @@ impl Identifications {
     /// The results as JSON, for programs.
     #[must_use]
     pub fn json(&self) -> Value {
-        let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());
-        let motors: Vec<_> = motors
-            .map(|((motor, truth), outcome)| {
-                let named = json!({
-                    "label": motor.label,
-                    "motor": motor.constants.name,
-                    "true": dynamics(truth),
-                });
-                with_fields(json(outcome), named)
-            })
-            .collect();
+        let motor = |(motor, truth, outcome): (&Motor, &Dynamics, Identification)| {
+            let named =
+                json!({ "label": motor.label, "motor": motor.constants.name, "true": dynamics(truth) });
+            with_fields(json(outcome), named)
+        };
+        let motors: Vec<_> = self.motors().map(motor).collect();
         json!({ "period_ms": self.scenario.period.as_millis(), "motors": motors })
     }
 

@@ -36,7 +36,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
         subtitle: format!(
             "NeveRest 60, {}, control period 50 ms, {}; where lines coincide, the last one of the legend shows",
             load(result),
-            round.tuning.key_in_words()
+            round.tuning.key_in_words
         ),
         x_label: "time, s".into(),
         x_range: Some(((result.task.event_s - 0.25).max(0.0), result.task.scenario.duration_s)),

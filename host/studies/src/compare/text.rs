@@ -35,7 +35,7 @@ const NEAR: f64 = 1.25;
 pub(super) fn measures(rounds: &[Round]) -> Page {
     let mut page = verdict(rounds);
     for round in rounds {
-        page.table(&format!("Measures with {}", round.tuning.key_in_words()), all_measures(round));
+        page.table(&format!("Measures with {}", round.tuning.key_in_words), all_measures(round));
         page.text(&setting(round));
         winners_of(&mut page, round);
     }
@@ -53,7 +53,7 @@ pub(super) fn settling(rounds: &[Round]) -> Page {
             number == 0 || Variant::ALL.iter().any(|variant| shown(variant) && variant.has_coefficients())
         });
         for (name, shown) in groups {
-            let caption = format!("Settling, {name}, with {}", round.tuning.key_in_words());
+            let caption = format!("Settling, {name}, with {}", round.tuning.key_in_words);
             page.table(&caption, settling_times(round, shown));
         }
         page.text(&setting(round));
@@ -106,7 +106,7 @@ fn verdict(rounds: &[Round]) -> Page {
          Cells won: best in a column of a task, alone or with others.",
     );
     for round in rounds {
-        page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words()));
+        page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words));
         page.list(COLUMNS.map(|column| format!("{}: {}", column.name, most_often(round, column.name))));
     }
     let mut what = table::new(&["task", "what happens"], 2);
@@ -214,7 +214,7 @@ fn winners_of(page: &mut Page, round: &Round) {
     for (result, winners) in round.tasks.iter().zip(winners(round).chunks(COLUMNS.len())) {
         table.add_row([result.task.key.to_owned()].into_iter().chain(winners.iter().map(signs)));
     }
-    page.table(&format!("Winners with {}", round.tuning.key_in_words()), table);
+    page.table(&format!("Winners with {}", round.tuning.key_in_words), table);
     page.text(SIGNS);
 }
 

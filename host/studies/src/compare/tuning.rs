@@ -35,21 +35,10 @@ impl Gains {
 /// The coefficients of all variants in the first round.
 const SAME: Gains = Gains { p: 1.5, i: 7.5 };
 
-/// P of the candidates, as multiples of `f`.
+/// P of the candidates for each variant's best coefficients, as multiples of `f`.
 const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
 /// I of the candidates, as multiples of `f`, in 1/s.
 const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
-
-/// The candidates for each variant's best coefficients.
-const GRID: [Gains; P.len() * I.len()] = {
-    let mut grid = [SAME; P.len() * I.len()];
-    let mut n = 0;
-    while n < grid.len() {
-        grid[n] = Gains { p: P[n / I.len()], i: I[n % I.len()] };
-        n += 1;
-    }
-    grid
-};
 
 /// Weight of the overshoot in the criterion, in seconds. The weight of the integral of |error| is 1.
 const OF_OVERSHOOT_S: f64 = 0.2;
@@ -58,7 +47,7 @@ const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
 /// Number of runs that find the best coefficients of all variants.
 pub(super) fn runs() -> usize {
-    GRID.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
+    P.len() * I.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
 }
 
 /// A way of choosing coefficients, and the chosen coefficients.
@@ -68,6 +57,9 @@ pub(super) struct Tuning {
     pub(super) how: String,
     /// The choice as a part of file names.
     pub(super) key: &'static str,
+    /// The choice in a few words.
+    #[serde(skip)]
+    pub(super) key_in_words: &'static str,
     /// Coefficients by variant; null for the model, which has none.
     pub(super) gains: Vec<Option<Gains>>,
 }
@@ -78,20 +70,12 @@ impl Tuning {
         Self {
             how: format!("the same coefficients for all: P = {} f, I = {} f", SAME.p, SAME.i),
             key: "same",
+            key_in_words: "the same coefficients for all",
             gains: Variant::ALL.map(|variant| variant.has_coefficients().then_some(SAME)).to_vec(),
         }
     }
 
-    /// The choice in a few words.
-    pub(super) fn key_in_words(&self) -> &'static str {
-        if self.key == "same" {
-            "the same coefficients for all"
-        } else {
-            "each variant's own best coefficients"
-        }
-    }
-
-    /// Chooses for each variant the coefficients of [`GRID`] with the least criterion at a task.
+    /// Chooses for each variant the coefficients of [`P`] and [`I`] with the least criterion at a task.
     ///
     /// # Errors
     /// If a run fails.
@@ -103,7 +87,7 @@ impl Tuning {
                 continue;
             }
             let mut best = (f64::INFINITY, SAME);
-            for candidate in GRID {
+            for candidate in P.into_iter().flat_map(|p| I.map(|i| Gains { p, i })) {
                 let cost = cost(task, &Row::of(task, variant, Some(candidate))?);
                 if cost < best.0 {
                     best = (cost, candidate);
@@ -119,7 +103,7 @@ impl Tuning {
             list(&P),
             list(&I),
         );
-        Ok(Self { how, key: "best", gains })
+        Ok(Self { how, key: "best", key_in_words: "each variant's own best coefficients", gains })
     }
 }
 

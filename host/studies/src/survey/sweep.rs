@@ -3,6 +3,7 @@
 //! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
 
 use super::Knowledge;
+use super::bare_motors::PERIODS;
 use crate::{position, velocity};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
@@ -14,8 +15,6 @@ use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
-/// Control periods in milliseconds.
-const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
 /// Voltages of the battery without load, in volts.
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
 /// Dry frictions in percent of the stall torque at 12 V.
@@ -28,8 +27,7 @@ const DURATION_S: f64 = 6.0;
 /// Every `every`th of the scenarios, with four motors each, and how they are configured.
 pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
-    for (period_ms, volts) in
-        PERIODS_MS.into_iter().flat_map(|period_ms| VOLTS.map(|volts| (period_ms, volts)))
+    for (period_ms, volts) in PERIODS.into_iter().flat_map(|period_ms| VOLTS.map(|volts| (period_ms, volts)))
     {
         for knowledge in KNOWLEDGE {
             for motors in motors(volts).chunks(MOTORS) {
@@ -67,8 +65,7 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
         for (multiple, knowledge) in
             INERTIAS.into_iter().flat_map(|multiple| KNOWLEDGE_LONG.map(|knowledge| (multiple, knowledge)))
         {
-            for (positions, period_ms) in [false, true].into_iter().flat_map(|p| PERIODS_MS.map(|ms| (p, ms)))
-            {
+            for (positions, period_ms) in [false, true].into_iter().flat_map(|p| PERIODS.map(|ms| (p, ms))) {
                 let reflected = constants.eta * constants.gear_ratio * constants.gear_ratio;
                 let load = Load::inertia(KgM2((multiple - 1.0) * constants.j.0 * reflected));
                 let free = constants.counts_per_rev_motor / std::f64::consts::TAU
