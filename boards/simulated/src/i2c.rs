@@ -1,21 +1,28 @@
-//! The devices on the I2C buses of the simulated board, and the buses' faults.
+//! The devices on the I2C buses of the simulated board, the hub's ends of the buses, and the buses' faults.
 //!
 //! | bus | address | device |
 //! |---|---|---|
 //! | 0 | 0x28 | a [`Bno055`], which turns with the drive base |
 //! | 1 | 0x50 | a memory of 256 bytes; the first byte of a write is the address of the next byte |
 //!
-//! The other two buses have no device.
+//! The other two buses have no device. A transfer takes the time of its bits. A fault of the bus makes the transfer fail,
+//! hang or take longer.
 
 use crate::bno055::Bno055;
-use embedded_hal_async::i2c::{ErrorKind, NoAcknowledgeSource, Operation};
-use motor_hub::board::I2C_BUSES;
+use crate::world::Board;
+use embassy_time::{Duration, Timer};
+use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
+use motor_hub::board::{I2C_BUSES, I2cBus};
 use serde::Deserialize;
+use std::future::pending;
 
 /// Address of the inertial sensor on bus 0.
 pub const IMU_ADDRESS: u8 = 0x28;
 /// Address of the memory on bus 1.
 pub const MEMORY_ADDRESS: u8 = 0x50;
+
+/// Result of a transfer to an address that no device acknowledges.
+const NO_DEVICE: Result<(), ErrorKind> = Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address));
 
 /// Condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -67,17 +74,17 @@ impl I2cDevices {
         }
     }
 
-    pub(crate) fn fault(&self, bus: usize) -> Fault {
+    fn fault(&self, bus: usize) -> Fault {
         self.faults.get(bus).copied().unwrap_or_default()
     }
 
-    pub(crate) fn hold_data(&mut self, bus: usize) {
+    fn hold_data(&mut self, bus: usize) {
         if let Some(held) = self.data_held.get_mut(bus) {
             *held = true;
         }
     }
 
-    pub(crate) fn free_data(&mut self, bus: usize) {
+    fn free_data(&mut self, bus: usize) {
         if let (Some(held), Some(fault)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus))
             && (std::mem::take(held) || *fault == Fault::Interrupted)
         {
@@ -85,16 +92,15 @@ impl I2cDevices {
         }
     }
 
-    pub(crate) fn transfer(
+    fn transfer(
         &mut self,
         bus: usize,
         address: u8,
         operations: &mut [Operation<'_>],
     ) -> Result<(), ErrorKind> {
-        let no_device = Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address));
         for operation in operations {
             match (bus, address, operation) {
-                (0, IMU_ADDRESS, _) if !self.imu.answers() => return no_device,
+                (0, IMU_ADDRESS, _) if !self.imu.answers() => return NO_DEVICE,
                 (0, IMU_ADDRESS, Operation::Write(bytes)) => self.imu.write(bytes),
                 (0, IMU_ADDRESS, Operation::Read(bytes)) => self.imu.read(bytes),
                 (1, MEMORY_ADDRESS, Operation::Write(bytes)) => {
@@ -113,10 +119,65 @@ impl I2cDevices {
                         self.next = self.next.wrapping_add(1);
                     }
                 }
-                _ => return no_device,
+                _ => return NO_DEVICE,
             }
         }
         Ok(())
+    }
+}
+
+/// Time that a stretching device holds the clock.
+const STRETCH: Duration = Duration::from_millis(30);
+
+/// The hub's end of one bus.
+pub(crate) struct SimulatedBus {
+    board: Board,
+    bus: usize,
+    fast: bool,
+}
+
+impl SimulatedBus {
+    /// The bus of this number, at its slow speed.
+    pub(crate) const fn new(board: Board, bus: usize) -> Self {
+        Self { board, bus, fast: false }
+    }
+}
+
+impl ErrorType for SimulatedBus {
+    type Error = ErrorKind;
+}
+
+impl I2c for SimulatedBus {
+    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
+        match self.board.with_i2c(|devices| devices.fault(self.bus)) {
+            Fault::None => (),
+            Fault::NoAcknowledge => return NO_DEVICE,
+            Fault::StuckData | Fault::Interrupted => {
+                self.board.with_i2c(|devices| devices.hold_data(self.bus));
+                return Err(ErrorKind::ArbitrationLoss);
+            }
+            Fault::StuckClock => return pending().await,
+            Fault::Stretching => Timer::after(STRETCH).await,
+        }
+        let bytes = operations.iter().map(|operation| match operation {
+            Operation::Write(bytes) => bytes.len(),
+            Operation::Read(bytes) => bytes.len(),
+        });
+        // Each operation sends the address first. A byte takes nine clocks.
+        let bits: usize = bytes.map(|bytes| 9 * (bytes + 1)).sum();
+        let tenths_us = if self.fast { 25 } else { 100 };
+        Timer::after(Duration::from_micros(bits as u64 * tenths_us / 10)).await;
+        self.board.with_i2c(|devices| devices.transfer(self.bus, address, operations))
+    }
+}
+
+impl I2cBus for SimulatedBus {
+    fn set_speed(&mut self, fast: bool) {
+        self.fast = fast;
+    }
+
+    async fn recover(&mut self) {
+        self.board.with_i2c(|devices| devices.free_data(self.bus));
     }
 }
 

@@ -13,7 +13,7 @@
 //! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
 //! | [`ground`] | true position and heading of a drive base |
-//! | [`i2c`], `i2c_bus`, [`bno055`] | I2C buses with their devices and faults |
+//! | [`i2c`], [`bno055`] | I2C buses with their devices and faults |
 //! | [`scheme`] | names of schemes, blends and duty rules |
 //! | [`scenario`] | motors with their loads, commands and expectations over time |
 //! | [`sim`] | a scenario's run in virtual time |
@@ -24,12 +24,10 @@
 
 pub mod bno055;
 pub mod current_line;
-
 pub mod encoder;
 pub mod ground;
 pub mod hardware;
 pub mod i2c;
-mod i2c_bus;
 pub mod scenario;
 pub mod scheme;
 pub mod serve;

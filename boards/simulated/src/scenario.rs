@@ -46,7 +46,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Wrong`], whose message is one line.
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        file::read(text, true).map_err(|fault| fault.in_file(file, text))
+        parse(file, text, true)
     }
 
     /// Reads a scenario file.
@@ -54,8 +54,7 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::parse`], or why the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, ScenarioError> {
-        let (file, text) = text_of(path)?;
-        Self::parse(&file, &text)
+        load(path, true)
     }
 
     /// Reads a scenario file for a host that commands the motors. The scenario needs no set-points.
@@ -63,8 +62,7 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::load`].
     pub fn load_for_a_host(path: &Path) -> Result<Self, ScenarioError> {
-        let (file, text) = text_of(path)?;
-        file::read(&text, false).map_err(|fault| fault.in_file(&file, &text))
+        load(path, false)
     }
 
     /// The scenario that is served if no file is given. The motors and loads are those of the default scenario, without
@@ -104,11 +102,15 @@ impl Scenario {
     }
 }
 
-/// The name of a file in errors, and its text.
-fn text_of(path: &Path) -> Result<(String, String), ScenarioError> {
+/// Reads a file. If `is_complete` is true, every motor needs a set-point or a group.
+fn load(path: &Path, is_complete: bool) -> Result<Scenario, ScenarioError> {
     let file = path.display().to_string();
     match std::fs::read_to_string(path) {
-        Ok(text) => Ok((file, text)),
+        Ok(text) => parse(&file, &text, is_complete),
         Err(source) => Err(ScenarioError::Unreadable { file, source }),
     }
+}
+
+fn parse(file: &str, text: &str, is_complete: bool) -> Result<Scenario, ScenarioError> {
+    file::read(text, is_complete).map_err(|fault| fault.in_file(file, text))
 }

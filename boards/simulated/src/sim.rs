@@ -15,7 +15,7 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::i2c_bus::SimulatedBus;
+use crate::i2c::SimulatedBus;
 use crate::scenario::{Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;

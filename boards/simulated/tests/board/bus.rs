@@ -1,6 +1,8 @@
 //! A bus that cannot take the energy of braking motors.
 
 use motor_hub::bridge::{Drive, Mode};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::supply::DrawStage;
 use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
@@ -21,6 +23,9 @@ load = { inertia_kg_m2 = 0.05 }
 setpoints = [{ at_s = 0.5, velocity_cps = 1360 }]
 torques = [{ at_s = 2.0, torque_nm = 0.8 }]
 "#;
+
+/// The load in [`WINCH`].
+const LOAD: &str = "torques = [{ at_s = 2.0, torque_nm = 0.8 }]";
 
 /// A motor with a flywheel that slows down from 80 to 30 % of its free speed.
 const FLYWHEEL: &str = r#"
@@ -187,7 +192,7 @@ fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two
 
 #[test]
 fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
-    let heavy = WINCH.replace("0.05", "0.2").replace("torques = [{ at_s = 2.0, torque_nm = 0.8 }]", "");
+    let heavy = WINCH.replace("0.05", "0.2").replace(LOAD, "");
     let heavy =
         &heavy.replace("velocity_cps = 1360 }", "velocity_cps = 2400 }, { at_s = 4.0, velocity_cps = 600 }");
     let measured = Run { motors: 4, bus: ONE_WAY, motor: heavy, seconds: 7.0 }.measure(4_000);
@@ -217,19 +222,9 @@ fn the_snapshot_reports_returned_and_dissipated_energy() {
 #[test]
 fn a_weak_battery_is_derated_in_few_stages_and_stays_above_the_voltage_at_which_bridges_open() {
     // A weak battery of 7.6 V: four starting motors would pull the voltage down to 3 V.
-    let motors: String = (0..4)
-        .map(|n| {
-            format!(
-                "[[motors]]\nlabel = \"{n}\"\nmotor = \"AM 60 A\"\nload = {{ inertia_kg_m2 = 0.05 }}\n\
-                 setpoints = [{{ at_s = 0.5, velocity_cps = 1300 }}]\n"
-            )
-        })
-        .collect();
-    let text = format!(
-        "name = \"low\"\nduration_s = 8\n[battery]\nemf_v = 7.6\nresistance_ohm = 0.5\n\
-         [bus]\ncapacitance_f = 0.001\n{motors}"
-    );
-    let scenario = Scenario::parse("low.toml", &text).expect("valid");
+    let motor = &WINCH.replace("1360", "1300").replace(LOAD, "");
+    let mut scenario = Run { motors: 4, bus: SINKS, motor, seconds: 8.0 }.scenario(50);
+    scenario.battery = Battery { emf: Volts(7.6), resistance: Ohms(0.5) };
     let (mut stages, mut speed, mut opened) = (Vec::new(), 0.0, 0);
     without_tasks::run(&scenario, |moment| {
         if moment.ms > 100 && stages.last() != Some(&moment.snapshot.draw_stage) {
