@@ -61,18 +61,12 @@ pub struct Squares {
     pub ends: [End; 2],
 }
 
-/// Source of the heading that the hub uses.
+/// The gyro that gives the hub its heading.
 #[derive(Clone, Copy, Debug)]
-enum Heading {
-    /// The encoders of the wheels.
-    Encoders,
-    /// A gyro with these errors. The angle of each turn is multiplied by `turn_scale`.
-    Gyro {
-        /// Errors of the gyro.
-        errors: GyroErrors,
-        /// Factor by which a calibration enlarges the angle of each turn.
-        turn_scale: f64,
-    },
+struct Gyro {
+    errors: GyroErrors,
+    /// Factor by which a calibration enlarges the angle of each turn.
+    turn_scale: f64,
 }
 
 /// Drives all squares.
@@ -83,9 +77,9 @@ pub fn run() -> Result<[Squares; 5], StudyError> {
     let both = |name, base: DriveBase, heading| {
         Ok::<_, StudyError>(Squares { name, ends: [drive(base, 1.0, heading)?, drive(base, -1.0, heading)?] })
     };
-    let by_gyro = |errors, turn_scale| Heading::Gyro { errors, turn_scale };
-    let encoders = both("encoders", BASE, Heading::Encoders)?;
-    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), Heading::Encoders)?;
+    let by_gyro = |errors, turn_scale| Some(Gyro { errors, turn_scale });
+    let encoders = both("encoders", BASE, None)?;
+    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), None)?;
     let gyro = both("gyro without errors", BASE, by_gyro(GyroErrors::default(), 1.0))?;
     let worse = both("gyro with drift and scale error", BASE, by_gyro(WORSE_GYRO, 1.0))?;
     // The drift turns both squares to the same side, and the scale error turns them to different sides.
@@ -95,15 +89,12 @@ pub fn run() -> Result<[Squares; 5], StudyError> {
     Ok([encoders, calibrated, gyro, worse, scaled])
 }
 
-/// Drives one square. `left` is 1 to the left, -1 to the right.
+/// Drives one square. `left` is 1 to the left, -1 to the right. Without a gyro the heading is from the encoders.
 ///
 /// # Errors
 /// If the run does not finish.
-fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyError> {
-    let (gyro, turn_scale, use_gyro) = match heading {
-        Heading::Encoders => (GyroErrors::default(), 1.0, false),
-        Heading::Gyro { errors, turn_scale } => (errors, turn_scale, true),
-    };
+fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyError> {
+    let turn_scale = gyro.map_or(1.0, |gyro| gyro.turn_scale);
     let acceleration = Acceleration::new(ACCELERATION_CPS2)?;
     let mut courses = Vec::new();
     let mut at_s = 0.5;
@@ -120,10 +111,16 @@ fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyError
     }
     let motor = characterised("NeveRest 60")?.with_measured_rotor_inertia();
     let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    let group = Group { label: "base".into(), motors: vec![0, 1], base: Some(base), use_gyro, courses };
+    let group = Group {
+        label: "base".into(),
+        motors: vec![0, 1],
+        base: Some(base),
+        use_gyro: gyro.is_some(),
+        courses,
+    };
     let scenario = Scenario {
         floor: FLOOR,
-        gyro,
+        gyro: gyro.map(|gyro| gyro.errors).unwrap_or_default(),
         groups: vec![group],
         ..Scenario::new("square", at_s, battery, vec![Motor::new(motor, WHEEL); 2])
     };

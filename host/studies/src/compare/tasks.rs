@@ -37,38 +37,30 @@ pub(super) struct Task {
 pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
     let free = |share: f64| share * FREE_CPS;
     let step = || plan(&[(0.0, free(0.8)), (EVENT_S, free(0.3))], &[]);
-    let task = |key, what: &str, event_s, scenario: Result<Scenario, UnknownMotor>| {
-        Ok::<_, UnknownMotor>(Task { key, what: what.to_owned(), event_s, scenario: scenario? })
+    let mut tasks = Vec::new();
+    let mut add = |key, what: &str, event_s, scenario: Scenario| {
+        tasks.push(Task { key, what: what.to_owned(), event_s, scenario });
     };
-    let mut tasks = vec![
-        task("step", "80 to 30 % of the free speed", EVENT_S, step())?,
-        task(
-            "overhauling",
-            "Half of the free speed, then +0.8 N m in the direction of motion",
-            EVENT_S,
-            plan(&[(0.0, free(0.5))], &[(EVENT_S, 0.8)]),
-        )?,
-        task(
-            "reversal",
-            "60 to -60 % of the free speed",
-            EVENT_S,
-            plan(&[(0.0, free(0.6)), (EVENT_S, free(-0.6))], &[]),
-        )?,
-        task("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[]))?,
-        task("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)]))?,
-        task(
-            "sag",
-            "25 to 45 % of the free speed, the battery (0.6 ohm) falling from 13 to 8 V",
-            EVENT_S,
-            sagging(),
-        )?,
-    ];
+    add("step", "80 to 30 % of the free speed", EVENT_S, step()?);
+    let overhauling = plan(&[(0.0, free(0.5))], &[(EVENT_S, 0.8)])?;
+    add(
+        "overhauling",
+        "Half of the free speed, then +0.8 N m in the direction of motion",
+        EVENT_S,
+        overhauling,
+    );
+    let reversal = plan(&[(0.0, free(0.6)), (EVENT_S, free(-0.6))], &[])?;
+    add("reversal", "60 to -60 % of the free speed", EVENT_S, reversal);
+    add("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[])?);
+    add("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)])?);
+    let sag = "25 to 45 % of the free speed, the battery (0.6 ohm) falling from 13 to 8 V";
+    add("sag", sag, EVENT_S, sagging()?);
     for (key, what, inertia) in
         [("light", "The step without flywheel", 0.0), ("heavy", "The step with a flywheel of 40 kg", 0.2)]
     {
         let mut scenario = step()?;
         scenario.motors.iter_mut().for_each(|motor| motor.load = Load::inertia(KgM2(inertia)));
-        tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
+        add(key, what, EVENT_S, scenario);
     }
     for (key, what, resistance, emf) in [
         ("r-70", "The step, configured with 0.7 R", 0.7, 1.0),
@@ -80,7 +72,7 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
         scenario.motors.iter_mut().for_each(|motor| {
             motor.configuration = Configuration { resistance, emf, ..Configuration::EXACT }
         });
-        tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
+        add(key, what, EVENT_S, scenario);
     }
     Ok(tasks)
 }
