@@ -215,7 +215,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let all = responses::challenges(&scenario);
     let challenges = settleable(&scenario, &all)?;
     // Runs end with the last response that can be settled.
-    let Some(end_ms) = challenges.iter().map(Challenge::to_ms).max() else {
+    let Some(end_ms) = challenges.iter().map(Challenge::end_ms).max() else {
         return Ok((all.len(), Vec::new()));
     };
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
@@ -239,7 +239,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             Some(Response {
                 scenario: number,
                 motor: challenge.motor,
-                at_s: challenge.from_ms() as f64 / 1e3,
+                at_s: challenge.begin_ms() as f64 / 1e3,
                 kind: challenge.kind,
                 what: what(challenge),
                 circumstances: circumstances(&scenario, challenge.motor),

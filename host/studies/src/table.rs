@@ -39,12 +39,11 @@ pub fn new(headings: &[&str], left: usize) -> Table {
     Table { headings, left, rows: Vec::new(), narrowest: 0 }
 }
 
-/// Creates a table with a row for each item. Each column has a heading, and a function that returns the text of an item.
-pub(crate) fn of<T>(
-    items: impl IntoIterator<Item = T>,
-    left: usize,
-    columns: &[(&str, &dyn Fn(&T) -> String)],
-) -> Table {
+/// A column of a table: its heading, and the function that returns the text of an item.
+type Column<'a, T> = (&'a str, &'a dyn Fn(&T) -> String);
+
+/// Creates a table with a row for each item.
+pub(crate) fn of<T>(items: impl IntoIterator<Item = T>, left: usize, columns: &[Column<'_, T>]) -> Table {
     let headings: Vec<&str> = columns.iter().map(|(heading, _)| *heading).collect();
     let mut table = new(&headings, left);
     for item in items {

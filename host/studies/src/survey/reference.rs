@@ -3,7 +3,7 @@
 
 mod base;
 
-use super::parallel;
+use super::parallel::{self, ByKnowledge};
 use super::responses::{Verdict, challenges, judge, watch};
 use crate::StudyError;
 use motor_hub::braking::Scheme;
@@ -191,7 +191,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
         Ok((worst(task, false, configured, ms)?, late))
     };
     let verdicts = parallel::at_all_periods(&tasks, &PERIODS, work, &mut |done, _| progress(done, total))?;
-    let row = |(task, verdicts): (&Task, [Vec<(Verdict, Option<Verdict>)>; 2])| {
+    let row = |(task, verdicts): (&Task, ByKnowledge<(Verdict, Option<Verdict>)>)| {
         let [(configured, configured_late), (unknown, unknown_late)] =
             verdicts.map(|both| both.into_iter().unzip::<_, _, Vec<_>, Vec<_>>());
         Row {

@@ -55,16 +55,16 @@ pub(super) struct Challenge {
 impl Challenge {
     /// Time to the next change, in seconds.
     pub(super) fn length_s(&self) -> f64 {
-        (self.to_ms() - self.from_ms()) as f64 / 1e3
+        (self.end_ms() - self.begin_ms()) as f64 / 1e3
     }
 
     /// Time of the change in milliseconds.
-    pub(super) fn from_ms(&self) -> usize {
+    pub(super) fn begin_ms(&self) -> usize {
         millisecond(self.change.span_s.start)
     }
 
     /// Time of the next change in milliseconds.
-    pub(super) fn to_ms(&self) -> usize {
+    pub(super) fn end_ms(&self) -> usize {
         millisecond(self.change.span_s.end)
     }
 }
@@ -133,7 +133,7 @@ pub struct Verdict {
 /// Judges a response by the motion of its motor.
 pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
     let (Change { old, goal, .. }, from_ms, to_ms) =
-        (&challenge.change, challenge.from_ms(), challenge.to_ms());
+        (&challenge.change, challenge.begin_ms(), challenge.end_ms());
     let span = track.get(from_ms..to_ms.min(track.len())).unwrap_or_default();
     let points: Vec<Point> = span.iter().map(|at| at.point).collect();
     let before = Goal::speed_before(*old, &points);
