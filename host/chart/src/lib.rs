@@ -380,21 +380,4 @@ mod tests {
         assert!(thin.contains(&(3.33, 9.0)));
         assert_eq!((thin[0].0, thin[thin.len() - 1].0), (0.0, 10.0));
     }
-
-    #[test]
-    fn a_gap_cuts_a_line() {
-        let x = Scale::exact((0.0, 4.0), (0.0, 400.0), 4);
-        let series = Series {
-            name: String::new(),
-            colour: colour::INK,
-            style: Style::Line,
-            data: vec![(0.0, 1.0), (1.0, 1.0), (2.0, f64::NAN), (3.0, 1.0), (4.0, 1.0)],
-        };
-        assert_eq!(series.runs(&x, &x).len(), 2);
-    }
-
-    #[test]
-    fn a_step_holds_its_value() {
-        assert_eq!(stepped(&[(0.0, 1.0), (2.0, 3.0)]), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0)]);
-    }
 }

@@ -131,17 +131,3 @@ impl Canvas {
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn text_cannot_break_out_of_its_element() {
-        let mut canvas = Canvas::new(10.0, 10.0, "a < b & c");
-        canvas.text((0.0, 0.0), Anchor::Start, 12.0, "#000", "</text><x>");
-        let svg = canvas.finish();
-        assert!(svg.contains("a &lt; b &amp; c"));
-        assert!(svg.contains("&lt;/text&gt;&lt;x&gt;"));
-    }
-}
