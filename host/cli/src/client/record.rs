@@ -11,9 +11,8 @@ use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::{HubReport, ReportedSetpoint};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
-use motor_hub_client::Session;
-use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::motor::Setpoint;
+use motor_hub_client::{Error, Session};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -96,6 +95,8 @@ struct Recorder {
     path: PathBuf,
     file: File,
     recording: Recording,
+    /// False once the hub has refused to report a current.
+    reports_current: bool,
     readings: u32,
     length: Duration,
     slowest: Duration,
@@ -117,6 +118,7 @@ impl Recorder {
             path,
             file,
             recording: Recording::new(words, requested),
+            reports_current: true,
             readings: 0,
             length: Duration::ZERO,
             slowest: Duration::ZERO,
@@ -149,9 +151,7 @@ impl Recorder {
             let settled = of.map(|of| of.settled);
             let (control, current_a) = match of {
                 Some(of) => (Some(of.control.get()), Some(f64::from(of.best_current().get().abs()) / 1e3)),
-                None => {
-                    (None, none_if_unsupported(session.current(motor))?.map(|ma| f64::from(ma.get()) / 1e3))
-                }
+                None => (None, self.current(session, motor)?),
             };
             let at_s = at.as_secs_f64();
             let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, settled };
@@ -163,6 +163,21 @@ impl Recorder {
         (self.readings, self.length) = (self.readings + 1, at);
         self.slowest = self.slowest.max(begun.elapsed());
         Ok(progress.observe(at, &bulk, report.as_ref()))
+    }
+
+    /// Current of a motor in amperes; `None` once the hub has refused to report it.
+    fn current(&mut self, session: &mut Session, motor: u8) -> Result<Option<f64>, Error> {
+        if !self.reports_current {
+            return Ok(None);
+        }
+        match session.current(motor) {
+            Ok(current) => Ok(Some(f64::from(current.get()) / 1e3)),
+            Err(Error::Refused { .. }) => {
+                self.reports_current = false;
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
     }
 
     /// Draws the charts, and prints a summary.
