@@ -64,7 +64,7 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 /// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
 /// `swings.rs`.
 const GAIN_STEP: f32 = 1.4;
-/// Largest ratio of the acceleration per volt in use to the configured one.
+/// Largest product of these factors between two set-points.
 const LARGEST_GAIN_RATIO: f32 = 4.0;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
@@ -115,9 +115,10 @@ pub struct Regulator {
     loops: Loops,
     hunting: Hunting,
     swings: Swings,
-    /// Ratio of the acceleration per volt in use to the configured one, from 1 to [`LARGEST_GAIN_RATIO`]. The ratio is
-    /// raised while the speed swings. The model regulator returns the ratio to 1 with another demanded speed, a
-    /// position or a reference. PID does not change the ratio. The ratio of an unknown motor is 1.
+    /// Factor by which the acceleration per volt was raised because the speed swings, 1 to [`LARGEST_GAIN_RATIO`]: of a
+    /// configured motor the value in use, of an unknown motor the estimate. The model regulator returns the factor to 1
+    /// with another demanded speed, a position or a reference. The configured value is then in use again, and an
+    /// estimate stays. PID does not change the factor.
     gain_ratio: f32,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
@@ -415,7 +416,7 @@ impl Regulator {
     /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
         let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(&self.plant));
-        // A gain is raised only to end swings. The motor's true gain may still be the configured gain.
+        // A gain is raised only to end swings. The motor's true gain may still be the gain before.
         known.then_some(LEAST_GAIN_SHARE * self.plant.b / self.gain_ratio)
     }
 
@@ -491,8 +492,11 @@ impl Regulator {
                 if target.is_old {
                     gain_ratio = self.gain_ratio;
                 }
-                if self.swings.step(present.speed(), &target, period_ms) {
+                if self.swings.step(present.speed(), &target, period_ms) && gain_ratio < LARGEST_GAIN_RATIO {
                     gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
+                    if let Some(estimate) = &mut self.gain_estimate {
+                        estimate.raise(GAIN_STEP);
+                    }
                 }
                 let mut output = self.law.velocity(&mut present, &self.plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
@@ -515,10 +519,8 @@ impl Regulator {
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
         self.observer.add_load(present.load() - load);
-        if context.settings.dynamics.is_some() {
-            output.changes_gain = gain_ratio != self.gain_ratio;
-            self.gain_ratio = gain_ratio;
-        }
+        output.changes_gain = context.settings.dynamics.is_some() && gain_ratio != self.gain_ratio;
+        self.gain_ratio = gain_ratio;
         output
     }
 
