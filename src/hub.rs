@@ -227,11 +227,19 @@ impl<const N: usize> Hub<N> {
                 motors.get_mut(motor).ok_or(RangeError::Motor)?.configure(settings);
             }
             Command::MoveGroup(group) => groups.command(group, motors)?,
-            Command::SetBase(None) => self.base = None,
+            Command::SetBase(None) => {
+                if let Some(base) = self.base.take() {
+                    groups.release_and_stop(base.wheels(), motors);
+                }
+            }
             Command::SetBase(Some(settings)) => {
                 let [left, right] = settings.wheels;
                 if left == right || settings.wheels.iter().any(|wheel| usize::from(*wheel) >= N) {
                     return Err(RangeError::Motor);
+                }
+                // Without the replaced base the positions of its wheels would jump.
+                if let Some(replaced) = self.base.take() {
+                    groups.release_and_stop(replaced.wheels(), motors);
                 }
                 let base = Base::new(settings);
                 groups.release_and_stop(base.wheels(), motors);

@@ -150,6 +150,11 @@ impl<const N: usize> Groups<N> {
                     let group = Group::new(*command, positions, speeds, period);
                     let settle_detector = SettleDetector::default();
                     *state = ActiveGroup::Moving { group, started_with, settle_detector };
+                } else {
+                    // The course has replaced the set-points that the members had.
+                    for (motor, _) in motors.iter_mut().zip(members).filter(|(_, member)| *member) {
+                        motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
+                    }
                 }
             }
             let ActiveGroup::Moving { group, started_with, .. } = state else { continue };

@@ -255,3 +255,19 @@ fn wheels_of_a_new_base_leave_their_group() {
     assert!(state.correction[0].abs() < 3, "{state:?}");
     assert_eq!(robot.bench.snapshot.motors[0].setpoint, common::velocity(0));
 }
+
+#[test]
+fn wheels_of_a_base_that_is_deleted_while_it_drives_stop_without_a_jump() {
+    let mut robot = Robot::new(true, 50);
+    robot.turn(90.0);
+    robot.begin_turn(360.0);
+    robot.run_ms(1_000);
+    robot.bench.hub.apply(Command::SetBase(None)).expect("no base");
+    let before = robot.bench.speed(1);
+    let fastest = (0..500).fold(0.0f64, |fastest, _| {
+        robot.run_ms(1);
+        fastest.max(robot.bench.speed(0).abs()).max(robot.bench.speed(1).abs())
+    });
+    assert!(fastest < 1.05 * before, "{fastest:.0} counts/s, {before:.0} before");
+    assert_eq!([0, 1].map(|wheel| robot.bench.snapshot.motors[wheel].setpoint), [common::velocity(0); 2]);
+}

@@ -348,3 +348,19 @@ fn the_slowest_sets_the_pace() {
         assert!(apart <= 130.0, "known {known}, {period} ms: {apart} counts apart");
     }
 }
+
+#[test]
+fn a_course_that_waits_for_an_encoder_stops_its_members() {
+    let mut bench = set_up(50, [motor("NeveRest 60"); 2], true, [WHEEL; 2]);
+    bench.set(0, velocity(1_000));
+    bench.set(1, velocity(1_000));
+    bench.run_ms(1_000);
+    bench.axes[1].unread_ms = u64::MAX;
+    bench.run_ms(200);
+    let course =
+        Course::velocities(&[(0, CountsPerSecond::ZERO), (1, CountsPerSecond::ZERO)]).expect("2 motors");
+    let acceleration = Acceleration::new(4_000).expect("above 0");
+    command_group(&mut bench, GroupCommand::new(course, CountsPerSecond::new(1_000), acceleration));
+    bench.run_ms(1_000);
+    assert!(bench.speed(0).abs() < 5.0, "{:.0} counts/s", bench.speed(0));
+}
