@@ -13,8 +13,8 @@
 //!     '--------------- release -------------------+-------------------------------------------'
 //! ```
 //!
-//! *Set enable* and *reset encoder* also take a motor out of a group. An *override* is an identification or a constant
-//! current. If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`].
+//! *Reset encoder* also takes a motor out of a group. *Set enable* changes nothing of an enabled motor, because hosts
+//! repeat it. An *override* is an identification or a constant current. If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`].
 //! If the host is silent, the setting [`OnFault`] decides: with [`OnFault::Coast`] the release is
 //! [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
 
@@ -87,7 +87,8 @@ enum MotorState {
 impl MotorState {
     /// An enabled motor with the target of its mode, which must be sent.
     ///
-    /// A new mode, a new target, *set enable* and *reset encoder* lead to this state. They end an override and a course.
+    /// *Set enable* of a disabled motor leads to this state, and so do a new mode and a new target of the present mode,
+    /// which end an override and a course. *Reset encoder* ends a course.
     const NEW_TARGET: Self = Self::OwnSetpoint { override_setpoint: None, due: true };
 }
 
@@ -130,19 +131,21 @@ impl MotorChannel {
             ToMotor::SetCurrentAlert { milliamperes } => self.settings.current_alert_ma = milliamperes,
             ToMotor::ResetEncoder => {
                 self.offset = report.position;
-                self.follow(MotorState::NEW_TARGET);
+                if self.override_setpoint().is_none() {
+                    self.follow(MotorState::NEW_TARGET);
+                }
             }
             ToMotor::SetPower { power } => {
                 self.power = Some(power);
-                self.follow(MotorState::NEW_TARGET);
+                self.follow_target(&[RunMode::Power]);
             }
             ToMotor::SetVelocity { cps } => {
                 self.velocity = Some(cps);
-                self.follow(MotorState::NEW_TARGET);
+                self.follow_target(&[RunMode::Velocity, RunMode::Position]);
             }
             ToMotor::SetPosition { target } => {
                 self.position = Some(target);
-                self.follow(MotorState::NEW_TARGET);
+                self.follow_target(&[RunMode::Position]);
             }
             ToMotor::SetPid { of, p, i, d } => {
                 let terms = Terms::Pid;
@@ -235,7 +238,9 @@ impl MotorChannel {
         if !battery_good {
             return Err(Nack::BATTERY_LOW);
         }
-        self.state = MotorState::NEW_TARGET;
+        if !self.enabled() {
+            self.state = MotorState::NEW_TARGET;
+        }
         Ok(())
     }
 
@@ -264,6 +269,13 @@ impl MotorChannel {
     const fn follow(&mut self, state: MotorState) {
         if self.enabled() {
             self.state = state;
+        }
+    }
+
+    /// Follows a new target, if the motor is in one of these modes. A target of another mode waits for its mode.
+    fn follow_target(&mut self, modes: &[RunMode]) {
+        if modes.contains(&self.settings.mode) {
+            self.follow(MotorState::NEW_TARGET);
         }
     }
 

@@ -64,6 +64,18 @@ fn a_course_is_sent_in_the_counts_of_the_motors() {
 }
 
 #[test]
+fn enabling_a_member_again_and_a_target_of_another_mode_leave_the_group_alone() {
+    let mut host = enabled();
+    ask(&mut host, 1, pair(500, -500));
+    host.new_commands();
+    host.do_all(&[(10, &[1, 1]), (17, &[1, 100, 0]), (19, &[1, 100, 0, 0, 0, 5, 0])]);
+    assert_eq!(host.new_commands(), []);
+    host.do_all(&[(8, &[1, 1, 0])]);
+    let setpoint = Setpoint::Velocity(CountsPerSecond::new(100));
+    assert!(host.new_commands().contains(&Command::Set { motor: 1, setpoint }));
+}
+
+#[test]
 fn a_course_ends_an_identification() {
     let mut host = enabled();
     let identified = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 5, &[1]);

@@ -154,8 +154,7 @@ fn a_motor_that_is_driven_is_not_identified() {
 #[test]
 fn any_other_target_or_disabling_ends_an_identification() {
     let brake = Setpoint::ConstantPower(Control::ZERO);
-    let cases: [(u16, &[u8], Setpoint); 3] =
-        [(15, &[1, 0, 0], brake), (10, &[1, 0], Setpoint::Disabled), (14, &[1], brake)];
+    let cases: [(u16, &[u8], Setpoint); 2] = [(15, &[1, 0, 0], brake), (10, &[1, 0], Setpoint::Disabled)];
     for (function, payload, setpoint) in cases {
         let mut host = standing();
         learn(&mut host, 500);
@@ -163,7 +162,26 @@ fn any_other_target_or_disabling_ends_an_identification() {
         host.do_all(&[(function, payload)]);
         assert_eq!(host.new_commands(), [Command::Set { motor: 1, setpoint }]);
         host.do_all(&[(10, &[1, 1])]);
-        assert_eq!(host.new_commands().last(), Some(&Command::Set { motor: 1, setpoint: brake }));
+        // Enabled again, the motor has the target of its mode.
+        let again = Command::Set { motor: 1, setpoint: brake };
+        assert!(host.new_commands().iter().all(|command| *command == again));
+    }
+}
+
+/// Requests that command nothing to motor 1, which is enabled in mode power: *set enable*, *reset encoder*, and the
+/// targets of the other modes.
+const WITHOUT_COMMAND: [(u16, &[u8]); 4] =
+    [(10, &[1, 1]), (14, &[1]), (17, &[1, 100, 0]), (19, &[1, 100, 0, 0, 0, 5, 0])];
+
+#[test]
+fn an_identification_and_a_constant_current_go_on_after_requests_that_command_nothing() {
+    let current = [&[1][..], &800i32.to_le_bytes(), &500u16.to_le_bytes()].concat();
+    for (function, payload) in [(4, vec![1, 0xF4, 1, 0, 0]), (30, current)] {
+        let mut host = standing();
+        assert!(!matches!(host.ask(FIRST_FUNCTION + function, &payload), Answer::Nack(_)));
+        host.new_commands();
+        host.do_all(&WITHOUT_COMMAND);
+        assert_eq!(host.new_commands(), [], "function {function}");
     }
 }
 
