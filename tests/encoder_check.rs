@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    Bench, Cable, ScriptedMotor, configured, inertia, neverest_60, plant, position, unknown, velocity,
+    Bench, Cable, NO_STOPS, ScriptedMotor, configured, inertia, neverest_60, plant, position, unknown,
+    velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
@@ -11,7 +12,7 @@ use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{EncoderFault, Report, Setpoint, Settings};
+use motor_hub::motor::{EncoderFault, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::units::{Coefficient, Control, Duty, Millivolts, Period};
 use std::num::NonZeroU16;
@@ -169,6 +170,47 @@ fn a_motor_with_a_current_limit_at_a_hard_stop_is_stalled_and_its_encoder_has_no
                 assert!(bench.report().stalled, "{what}: {:?}", bench.report());
             }
         }
+    }
+}
+
+/// Runs a motor against its stop until it is stalled.
+fn stalled(settings: Settings, period_ms: u32) -> Bench<1> {
+    let mut bench = with(period_ms, settings);
+    bench.axes[0].stops = STOPS;
+    bench.set(0, velocity(1_500));
+    bench.run_ms(4_000);
+    assert!(bench.report().stalled);
+    bench
+}
+
+#[test]
+fn a_motor_that_is_told_to_stand_is_not_stalled() {
+    for settings in settings() {
+        for zero_power in [ZeroPower::Brake, ZeroPower::Float] {
+            let mut bench = stalled(Settings { zero_power, ..settings }, 50);
+            bench.set(0, velocity(0));
+            bench.run_ms(1_000);
+            assert!(!bench.report().stalled, "{zero_power:?}");
+        }
+        let mut bench = stalled(settings, 50);
+        let here = bench.report().position;
+        bench.set(0, position(here, 5, 1_000));
+        bench.run_ms(1_000);
+        assert!(bench.report().settled && !bench.report().stalled);
+    }
+}
+
+#[test]
+fn an_encoder_that_is_lost_after_a_stall_is_found() {
+    for (period_ms, settings) in [10, 50, 100].into_iter().flat_map(|ms| settings().map(|one| (ms, one))) {
+        let mut bench = stalled(settings, period_ms);
+        bench.set(0, velocity(0));
+        bench.run_ms(1_000);
+        bench.axes[0].stops = NO_STOPS;
+        bench.axes[0].cable = Cable::Unplugged;
+        bench.set(0, velocity(1_500));
+        let ms = run_until_fault(&mut bench);
+        assert!(ms < 400, "{period_ms} ms: {ms} ms");
     }
 }
 

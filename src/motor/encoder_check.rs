@@ -212,6 +212,13 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
+    /// Ends a stall, because the motor is told to stand. A motor that stands does not press against its stop.
+    pub(super) const fn end_stall(&mut self) {
+        if let State::Stalled(_) = self.state {
+            self.state = State::Watching(Expected::NONE);
+        }
+    }
+
     /// Steps the check by a tick of a regulated motor, and enters the next state. Returns the request of this state;
     /// `None` if the regulator drives the motor.
     ///
@@ -457,7 +464,7 @@ impl Stall {
         let speed = along(self.clockwise, tick.regulator.velocity().to_f32());
         let free = speed >= Self::SPEED_SHARE * requested && beyond >= Self::COUNTS;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
-        if requested < 0.0 || (requested > 0.0 && self.free_ms >= Self::FREE_MS) {
+        if requested <= 0.0 || self.free_ms >= Self::FREE_MS {
             State::Watching(Expected::NONE)
         } else {
             State::Stalled(self)

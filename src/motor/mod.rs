@@ -495,6 +495,12 @@ impl Motor {
             self.last_motion.forget();
         } else if !setpoint.is_regulated() {
             self.end_examination();
+            // With `ZeroPower::Float` the check is not stepped at speed 0.
+            if self.setpoint == Setpoint::Velocity(CountsPerSecond::ZERO)
+                && let MotorState::Regulated(check) = &mut self.state
+            {
+                check.end_stall();
+            }
         }
         let at = at?;
         match setpoint {
@@ -559,7 +565,9 @@ impl Motor {
             Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        if (output.hunts && self.configured.lower_emf_constant()) || output.changes_gain {
+        // Burn pulses replace the requested voltages, so these do not show a wrong constant.
+        let hunts = output.hunts && !self.pulses.is_active();
+        if (hunts && self.configured.lower_emf_constant()) || output.changes_gain {
             self.correct_constants();
         }
         Some(Request { at, modulation, control, target: Some(output.speed) })
