@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
+use common::{BATTERY, BRIDGE, Bench, configured, free_cps, inertia, plant, position, unknown, velocity};
 use motor_hub::braking::Scheme;
 use motor_hub::bridge::Drive;
 use motor_hub::hub::{Command, Hub};
@@ -201,6 +201,30 @@ fn a_motor_that_must_stay_in_its_short_circuit_reports_the_current_of_the_short_
             } else if ms % 1_000 > 500 {
                 assert!((reported - expected).abs() < 0.05, "{period_ms} ms, {ms}: {reported} A reported");
             }
+        }
+    }
+}
+
+#[test]
+fn a_position_behind_a_current_limit_is_reached_without_overshoot() {
+    let (motor, load) = (neverest_60(), inertia(0.03));
+    // An unknown motor first has to learn how slowly it brakes.
+    for (settings, most) in [(configured(&motor, &load), 3.0), (unknown(&motor), 100.0)] {
+        for (period_ms, limit_ma) in
+            [10, 50].into_iter().flat_map(|ms| [400, 600, 900, 1_500, 3_000].map(|limit| (ms, limit)))
+        {
+            let settings = Settings { current_limit: NonZeroU16::new(limit_ma), ..settings };
+            let mut bench = Bench::one(settings, plant(motor, load), period_ms);
+            bench.set(0, position(2_000, 5, 2_500));
+            let farthest = (0..6_000).fold(0.0f64, |farthest, _| {
+                bench.run_ms(1);
+                farthest.max(bench.counts(0))
+            });
+            let beyond = farthest - 2_000.5;
+            assert!(
+                beyond < most && bench.report().settled,
+                "{period_ms} ms, {limit_ma} mA: {beyond:.0} counts"
+            );
         }
     }
 }

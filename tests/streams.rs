@@ -217,6 +217,33 @@ fn a_streamed_ramp_that_ends_overshoots_by_what_it_would_gain_before_its_end_is_
 }
 
 #[test]
+fn a_speed_after_a_time_at_rest_continues_no_stream() {
+    let off = (Setpoint::Disabled, 50);
+    for period_ms in [1, 5, 10, 20, 50, 100] {
+        for history in [
+            [(velocity(-600), 60), (velocity(0), 100), (velocity(0), 100)],
+            [(velocity(150), 60), (velocity(300), 60), off],
+            [(velocity(-500), 50), (velocity(-250), 50), (velocity(0), 100)],
+            [(velocity(-300), 60), (position(0, 5, 500), 60), (position(0, 5, 500), 60)],
+        ] {
+            let (motor, load) = (neverest_60(), inertia(0.03));
+            let mut bench = Bench::one(configured(&motor, &load), plant(motor, load), period_ms);
+            for (setpoint, ms) in history {
+                bench.set(0, setpoint);
+                bench.run_ms(ms);
+            }
+            bench.run_ms(5_000);
+            bench.set(0, velocity(650));
+            let fastest = (0..1_000).fold(0.0f64, |fastest, _| {
+                bench.run_ms(1);
+                fastest.max(bench.speed(0))
+            });
+            assert!(fastest < 1.1 * 650.0, "{period_ms} ms, {history:?}: {fastest:.0} counts/s");
+        }
+    }
+}
+
+#[test]
 fn a_speed_that_is_streamed_to_0_does_not_reverse() {
     let motor = neverest_60();
     let demand: Speed = |s| (500.0 - 1_000.0 * s).max(0.0);

@@ -68,10 +68,6 @@ const LEAST_CHANGE: f32 = 0.05;
 const LARGEST_STEP: f32 = 2.7;
 /// Variance of theta below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
-/// Least variance of theta after the speed has swung: a standard deviation of some 55 %. Measured with `survey`, seeds
-/// 20261121, 7 and 11: with 0.1, 0.3 and 1 there are 2.4, 2.2 and 2.4 %, 3.0, 3.0 and 3.0 %, and 2.8, 2.7 and 2.9 % of the
-/// responses that never settle.
-const SWINGING_VARIANCE: f32 = 0.3;
 /// Ratio of the estimated time constant to the initial guess above which a motor is heavy.
 const HEAVY_TIME_CONSTANT_RATIO: f32 = 1.25;
 /// Balance of counts at which the encoder is trusted. The balance is the counts in the direction of the voltage less
@@ -152,11 +148,9 @@ impl GainEstimate {
         self.variance /= factor * factor;
     }
 
-    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. The estimate then
-    /// learns faster.
+    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain.
     pub(super) fn raise(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
-        self.variance = at_least(self.variance, SWINGING_VARIANCE);
     }
 
     /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends
@@ -194,14 +188,14 @@ impl GainEstimate {
     }
 
     /// Updates the estimate from a correction of the observer, after a sample with `moved` counts at this voltage in
-    /// V. A sample without counts does not update the estimate of a motor that may be `stalled`.
+    /// V. Theta is only updated if `learns` is true.
     pub(super) fn correct(
         &mut self,
         plant: &Plant,
         correction: &Correction,
         moved: i32,
         voltage: Option<f32>,
-        stalled: bool,
+        learns: bool,
     ) {
         // A shaft that is turned without a voltage does not show in which direction the encoder sends counts.
         let counts_along_voltage = match voltage {
@@ -244,7 +238,7 @@ impl GainEstimate {
             }
         } else if self.settling_s <= 0.0 {
             self.paused_s = 0.0;
-            if excited && (moved != 0 || !stalled) {
+            if excited && learns {
                 let k = self.variance * s / (s * s * self.variance + noise);
                 self.theta += k * innovation;
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);
@@ -332,7 +326,7 @@ mod tests {
             estimate.predict(&estimated, observer.speed(), Some(u));
             observer.predict(&estimated);
             if let Some(correction) = observer.update(&estimated, moved, false) {
-                estimate.correct(&estimated, &correction, moved, Some(u), false);
+                estimate.correct(&estimated, &correction, moved, Some(u), true);
             }
         }
         estimated.b
@@ -376,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stalled_motor_teaches_nothing() {
+    fn a_stalled_motor_that_may_not_teach_leaves_the_guess() {
         let mut estimate = GainEstimate::new();
         let plant = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
@@ -386,7 +380,7 @@ mod tests {
             estimate.predict(&plant, observer.speed(), Some(12.0));
             observer.predict(&plant);
             if let Some(correction) = observer.update(&plant, 0, false) {
-                estimate.correct(&plant, &correction, 0, Some(12.0), true);
+                estimate.correct(&plant, &correction, 0, Some(12.0), false);
             }
             assert!(estimate.take_gain(&plant).is_none());
         }

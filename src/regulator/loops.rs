@@ -14,12 +14,14 @@ use super::{Context, Demand, Effort, Output, Reference};
 use crate::motion::Pid;
 use crate::motion::pid::{PidInput, Value};
 use crate::settings::Coefficients;
+use crate::units::single::at_most;
 use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
-/// Twice the voltage whose acceleration brakes the motor before a target position, in V. The planned deceleration is
-/// the motor's gain times 5.5 V.
-const BRAKING_VOLTS: f32 = 11.0;
+/// Voltage whose acceleration brakes the motor before a target position, in V.
+const BRAKING_VOLTS: f32 = 5.5;
+/// Share of the motor's current limit that brakes the motor before a target position.
+const LIMITED_SHARE: f32 = 0.85;
 
 /// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop
 /// without I has no integral to set.
@@ -80,9 +82,7 @@ impl Loops {
                 target
             }
             Demand::Follow(reference) => self.follow(&reference, inputs, context.period),
-            Demand::Position { target, speed_limit } => {
-                self.approach(target, speed_limit, inputs, context.period)
-            }
+            Demand::Position { target, speed_limit } => self.approach(target, speed_limit, inputs, context),
         };
         Output {
             effort: self.velocity(target, inputs, context),
@@ -140,11 +140,14 @@ impl Loops {
         target: i32,
         speed_limit: CountsPerSecond,
         inputs: &Inputs<'_>,
-        period: Period,
+        context: &Context<'_>,
     ) -> CountsPerSecond {
+        let period = context.period;
+        // A current limit also limits the braking current.
+        let braking_volts = at_most(LIMITED_SHARE * context.settings.current_limit_volts(), BRAKING_VOLTS);
         // The short way round the ring of 2^32 counts; the position loop saturates at 8 million counts.
         let distance = target.wrapping_sub(inputs.position);
-        let stoppable = sqrtf(inputs.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
+        let stoppable = sqrtf(2.0 * inputs.gain * braking_volts * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
         let limit = Value::from_bits(limit.cast_signed());
         let speed = self.position_loop(Value::saturating_from_num(distance), limit, inputs, period);

@@ -247,6 +247,10 @@ impl Regulator {
     /// Prepares the regulator for another target or mode, or for an open bridge.
     pub fn transition(&mut self, transition: Transition) {
         let leaves_stop = transition == Transition::FromStop || self.is_stalled();
+        if matches!(transition, Transition::FromOpenLoop | Transition::FromBrake) {
+            // Without regulation the estimated load has come to include the friction of the present motion.
+            self.law.set_friction_speed(self.observer.speed());
+        }
         self.rest_position = None;
         self.stalled_ms = 0;
         if leaves_stop {
@@ -291,7 +295,10 @@ impl Regulator {
             let uncertain = self.stalled_ms >= STALLED_MS
                 || should_stand
                 || counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-            estimate.correct(&self.plant, &correction, moved, self.volts, uncertain);
+            // A load that swings the speed would teach a wrong gain.
+            let swings = self.gain_ratio > 1.0;
+            let learns = !swings && (moved != 0 || !uncertain);
+            estimate.correct(&self.plant, &correction, moved, self.volts, learns);
         }
     }
 
@@ -488,7 +495,7 @@ impl Regulator {
         let mut output = match demand {
             Demand::Velocity(target) => {
                 let period_ms = context.period.as_millis();
-                let target = self.stream.step(target.to_f32(), period_ms);
+                let target = self.stream.step(target.to_f32(), self.predicted_until, period_ms);
                 if target.is_old {
                     gain_ratio = self.gain_ratio;
                 }

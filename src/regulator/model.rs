@@ -48,10 +48,11 @@ pub(super) struct Law {
     /// current is treated as continuous.
     discontinuous_volts_per_cps: Option<f32>,
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
-    /// friction.
+    /// friction, and between these values at standstill.
     friction_side: f32,
-    /// True if the motor is at its target position, and holds this position.
-    holding: bool,
+    /// Distance to the target in counts and estimated load in V at the last tick, if the motor holds its target position;
+    /// `None` if the motor is on its way, or has no target position.
+    held: Option<(i32, f32)>,
 }
 
 impl Law {
@@ -71,14 +72,14 @@ impl Law {
             discontinuous_volts_per_cps: (period.as_millis() > CONTINUOUS_PERIOD_MS)
                 .then(|| volts_per_cps(plant.drag)),
             friction_side: 0.0,
-            holding: false,
+            held: None,
         }
     }
 
     /// Replaces the constants. The state stays.
     pub(super) fn set_plant(&mut self, plant: &Plant, period: Period) {
-        let Self { friction_side, holding, .. } = *self;
-        *self = Self { friction_side, holding, ..Self::new(plant, period) };
+        let Self { friction_side, held, .. } = *self;
+        *self = Self { friction_side, held, ..Self::new(plant, period) };
     }
 
     /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
@@ -95,7 +96,7 @@ impl Law {
         target: Target,
         context: &Context<'_>,
     ) -> Output {
-        self.holding = false;
+        self.held = None;
         // One tick before `target.end` the stream has the speed `target.end - target.change`. The share `remaining` of
         // the present speed's difference from this stream speed remains at the tick's end.
         let next = self.next_speed(observer, target.end) + self.remaining * target.change;
@@ -113,19 +114,28 @@ impl Law {
     ) -> Output {
         let w = observer.speed();
         let window = at_least(context.period.to_seconds(), 0.02);
-        let near = if self.holding { 2 } else { 1 };
-        self.holding = distance.unsigned_abs() <= near && (self.holding || w.abs() * window < 0.5);
+        let held = self.held.take();
+        let near = if held.is_some() { 2 } else { 1 };
+        let counts = distance;
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
-        if self.holding {
+        if counts.unsigned_abs() <= near && (held.is_some() || w.abs() * window < 0.5) {
+            if let Some((last, load_volts)) = held
+                && last == counts
+            {
+                self.follow_static_friction(observer.load() / plant.b - load_volts, context);
+            }
             // Without samples the predicted position may leave the count, so the distance is limited.
             let distance = within(distance, near as f32 + HELD_COUNTS);
             let back = HOLDING_RATE * (distance - within(distance, HELD_COUNTS));
             let next = back + self.remaining * (w - back);
-            return self.request(observer, plant, next, context, 0.0);
+            let output = self.request(observer, plant, next, context, 0.0);
+            self.held = Some((counts, observer.load() / plant.b));
+            return output;
         }
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
-        let full = plant.b * context.at.battery_volts();
+        // A current limit also limits the braking current.
+        let full = plant.b * at_most(context.settings.current_limit_volts(), context.at.battery_volts());
         let deceleration =
             at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
         let deceleration =
@@ -145,7 +155,7 @@ impl Law {
         (now, end): (f32, f32),
         context: &Context<'_>,
     ) -> Output {
-        self.holding = false;
+        self.held = None;
         let (period_s, approach) = (context.period.to_seconds(), approach(context.period));
         let remaining = self.remaining;
         let w = observer.speed();
@@ -194,9 +204,18 @@ impl Law {
         // More than one count per tick in the old direction: the motion does not reverse within this tick.
         let still_opposite = -side * observer.speed() * context.period.to_seconds() > 1.0;
         if side != self.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
-            let friction = context.settings.dynamics.map_or(0.0, |dynamics| dynamics.friction.to_volts());
-            observer.add_load(FRICTION_SHARE * friction * plant.b * (self.friction_side - side));
+            observer.add_load(friction_volts(context) * plant.b * (self.friction_side - side));
             self.friction_side = side;
+        }
+    }
+
+    /// Follows the friction of a held motor that stands. The friction then balances every change of the voltage, so a
+    /// change of the estimated load, in V, is a change of the friction. Without this, the friction of a motor that breaks
+    /// away would count twice.
+    fn follow_static_friction(&mut self, load_change_volts: f32, context: &Context<'_>) {
+        let friction = friction_volts(context);
+        if friction > 0.0 {
+            self.friction_side = within(self.friction_side - load_change_volts / friction, 1.0);
         }
     }
 
@@ -247,6 +266,11 @@ impl Law {
         let w = observer.speed();
         w + (1.0 - self.remaining) * (target - w)
     }
+}
+
+/// The friction that the law expects, as the voltage that balances it, in V; 0 for an unknown motor.
+fn friction_volts(context: &Context<'_>) -> f32 {
+    context.settings.dynamics.map_or(0.0, |dynamics| FRICTION_SHARE * dynamics.friction.to_volts())
 }
 
 /// Largest acceleration in counts/s²; `None` for no limit.

@@ -16,6 +16,8 @@
 //! In the formula the age is at most the mean interval. A demanded speed that stays, or that changes once, has the
 //! slope 0.
 
+use super::samples;
+use crate::units::Micros;
 use crate::units::single::at_most;
 
 /// Longest interval between two set-points of a stream, in ms.
@@ -34,8 +36,8 @@ pub(super) struct Stream {
     target: f32,
     /// Last change of the demanded speed, in counts/s.
     change: f32,
-    /// Time since the demanded speed last changed, in ms.
-    age_ms: u32,
+    /// Time at which the demanded speed last changed.
+    changed_at: Micros,
     /// Time between the last two changes, in ms.
     interval_ms: u32,
     /// Mean of the last two intervals, in ms.
@@ -59,18 +61,20 @@ pub(super) struct Target {
 }
 
 impl Stream {
-    /// Updates the stream with the demanded speed of a tick, in counts/s. Returns the target of the tick.
-    pub(super) fn step(&mut self, target: f32, period_ms: u32) -> Target {
-        self.age_ms = self.age_ms.saturating_add(period_ms);
+    /// Updates the stream with the demanded speed of the tick at `now`, in counts/s. Returns the target of the tick.
+    pub(super) fn step(&mut self, target: f32, now: Micros, period_ms: u32) -> Target {
+        let mut age_ms = samples(self.changed_at, now);
         let change = target - self.target;
         let is_old = change == 0.0;
         if !is_old {
-            let both_ms = self.age_ms.saturating_add(self.interval_ms) as f32;
-            self.slope = if self.continues(target, change) { (change + self.change) / both_ms } else { 0.0 };
+            let both_ms = age_ms.saturating_add(self.interval_ms) as f32;
+            self.slope =
+                if self.continues(target, change, age_ms) { (change + self.change) / both_ms } else { 0.0 };
             (self.target, self.change, self.mean_interval_ms) = (target, change, 0.5 * both_ms);
-            (self.age_ms, self.interval_ms) = (0, self.age_ms);
+            (self.changed_at, self.interval_ms) = (now, age_ms);
+            age_ms = 0;
         }
-        let (age, period) = (self.age_ms as f32, period_ms as f32);
+        let (age, period) = (age_ms as f32, period_ms as f32);
         let is_late = age + period > LATEST_INTERVALS * self.mean_interval_ms;
         let slope = if is_late { 0.0 } else { self.slope };
         let end = target + slope * (at_most(age, self.mean_interval_ms) + 0.5 * period);
@@ -78,11 +82,12 @@ impl Stream {
         Target { demanded: target, end, change: slope * period, is_old }
     }
 
-    /// True if this change of the demanded speed and the last change are of one stream. A speed of 0 ends a stream.
-    fn continues(&self, target: f32, change: f32) -> bool {
+    /// True if this change of the demanded speed and the last change, `age_ms` ago, are of one stream. A speed of 0 ends
+    /// a stream.
+    fn continues(&self, target: f32, change: f32, age_ms: u32) -> bool {
         let (last, next) = (self.change.abs(), change.abs());
         target != 0.0
-            && self.age_ms.max(self.interval_ms) <= LONGEST_INTERVAL_MS
+            && age_ms.max(self.interval_ms) <= LONGEST_INTERVAL_MS
             && self.change * change > 0.0
             && next.max(last) <= LARGEST_RATIO * next.min(last)
     }
