@@ -503,6 +503,7 @@ impl Motor {
             }
         }
         let at = at?;
+        let dissipates = battery.is_some_and(|battery| battery.dissipate != Share::NONE);
         match setpoint {
             Setpoint::Disabled => None,
             Setpoint::FailSafe => self.on_fault(at),
@@ -513,11 +514,11 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 Some(self.for_voltage(at, voltage))
             }
-            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, moved?),
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, dissipates, moved?),
             Setpoint::Position { target, speed_limit, .. } => {
-                self.regulate(Demand::Position { target, speed_limit }, at, moved?)
+                self.regulate(Demand::Position { target, speed_limit }, at, dissipates, moved?)
             }
-            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, moved?),
+            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, dissipates, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -541,9 +542,15 @@ impl Motor {
     /// Computes the request of a regulated motor. The encoder check is stepped first. If the check requests a command
     /// or finds a fault, the regulator is not stepped. Lowers the back EMF constant in force if the speed hunts because
     /// this constant is too high.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+    fn regulate(
+        &mut self,
+        demand: Demand,
+        at: OperatingPoint,
+        dissipates: bool,
+        moved: i32,
+    ) -> Option<Request> {
         let Self { settings, modulator, regulator, .. } = self;
-        let context = Context { settings, modulator, period: self.period, at };
+        let context = Context { settings, modulator, period: self.period, at, dissipates };
         if let MotorState::Regulated(check) = &mut self.state
             && let Some(command) = &self.command
             && let Some(target) = command.request.target
@@ -565,9 +572,7 @@ impl Motor {
             Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        // Burn pulses replace the requested voltages, so these do not show a wrong constant.
-        let hunts = output.hunts && !self.pulses.is_active();
-        if (hunts && self.configured.lower_emf_constant()) || output.changes_gain {
+        if (output.hunts && self.configured.lower_emf_constant()) || output.changes_gain {
             self.correct_constants();
         }
         Some(Request { at, modulation, control, target: Some(output.speed) })

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! The detector counts the changes of this level at which the current has swung far enough. Changes count only while
-//! the speed is near its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong
+//! the speed is near its set-point, the set-point is constant, and no burn pulses replace the requested current. Old swings lose weight with every tick. With a wrong
 //! load, inertia or resistance the current swings less, or stops swinging after some time.
 
 use super::Context;
@@ -62,6 +62,7 @@ impl Hunting {
     ) -> bool {
         let current = (requested.to_volts() - emf_volts) * 1.0f32.copysign(emf_volts);
         let steady = target.is_old
+            && !context.dissipates
             && correction_volts.abs() < Self::LARGEST_CORRECTION_VOLTS
             && emf_volts.abs() > Self::LEAST_EMF_VOLTS;
         if !steady {

@@ -87,6 +87,9 @@ pub struct Context<'a> {
     pub period: Period,
     /// Back EMF and battery voltage.
     pub at: OperatingPoint,
+    /// True while braking motors dissipate energy, because the bus cannot take it. Burn pulses then replace the requested
+    /// voltage of a braking motor.
+    pub dissipates: bool,
 }
 
 /// Request of a regulator to the bridge.

@@ -201,6 +201,31 @@ fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
 }
 
 #[test]
+fn a_motor_that_its_load_drives_on_a_battery_above_14_volts_keeps_its_mean_speed() {
+    for (motor, torque_nm, cps) in [("AM 20 A", 0.15, 1_500), ("AM 60 A", 0.8, 816)] {
+        for period_ms in [5, 10, 50] {
+            let text = format!(
+                "name = \"full\"\nduration_s = 12\ncontrol_period_ms = {period_ms}\n\
+                 [battery]\nemf_v = 14.6\nresistance_ohm = 0.05\n[[motors]]\nlabel = \"m\"\nmotor = \"{motor}\"\n\
+                 load = {{ inertia_kg_m2 = 0.001, torque_nm = {torque_nm} }}\n\
+                 setpoints = [{{ at_s = 0, velocity_cps = {cps} }}]"
+            );
+            let scenario = Scenario::parse("full.toml", &text).expect("valid");
+            let mut speeds = Vec::new();
+            without_tasks::run(&scenario, |moment| {
+                if moment.ms >= 4_000 {
+                    speeds.push(moment.view.motors[0].0);
+                }
+            })
+            .expect("it runs");
+            let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+            let error = mean / f64::from(cps) - 1.0;
+            assert!(error.abs() < 0.01, "{motor}, {period_ms} ms: {mean:.0} of {cps} counts/s");
+        }
+    }
+}
+
+#[test]
 fn the_snapshot_reports_returned_and_dissipated_energy() {
     let run = |bus| Run { motors: 1, bus, motor: WINCH, seconds: 8.0 };
     let sinks = run(SINKS).measure(2_000);
