@@ -75,13 +75,16 @@ impl Executor {
         order: &PageRequest,
     ) -> Result<(), RequestError> {
         match *order {
-            PageRequest::Drive { motor, mode, value, speed, tolerance, zero } => {
+            PageRequest::Drive { motor, mode, value, speed, tolerance, zero, enable } => {
                 let motor = channel(motor)?;
                 let setpoint = setpoint(mode, value, speed, tolerance.unwrap_or(USUAL_TOLERANCE))?;
                 session.set_setpoint(motor, setpoint, zero)?;
+                if enable {
+                    session.enable(motor, true)?;
+                }
             }
-            PageRequest::Current { motor, amperes, speed } => {
-                current(session, channel(motor)?, amperes, speed)?
+            PageRequest::Current { motor, amperes, speed, enable } => {
+                current(session, channel(motor)?, amperes, speed, enable)?
             }
             PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
@@ -229,16 +232,28 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
     })
 }
 
-/// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
-/// can then enable the motor.
-fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
+/// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead. With `enable` the
+/// motor is then enabled, and gets the current.
+fn current(
+    session: &mut Session,
+    motor: u8,
+    amperes: f64,
+    speed: Option<f64>,
+    enable: bool,
+) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
     let speed_limit = speed_limit(speed.unwrap_or(NO_SPEED_LIMIT_CPS.into()))?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
     let setpoint = Setpoint::Current { ma, speed_limit };
-    Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
+    session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
+    // A hub takes a constant current for enabled motors only.
+    if enable && !session.enabled(motor)? {
+        session.enable(motor, true)?;
+        session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
+    }
+    Ok(())
 }
 
 fn speed_limit(value: f64) -> Result<u16, RequestError> {

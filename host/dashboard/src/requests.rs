@@ -36,7 +36,7 @@ pub(crate) enum PageRequest {
         /// Battery voltage in volts, 1 to 60.
         volts: f64,
     },
-    /// Set-point of a motor, applied once the motor is enabled.
+    /// Set-point of a motor. A disabled motor keeps the set-point until it is enabled.
     Drive {
         motor: u8,
         /// Kind of the set-point: power, velocity or position.
@@ -50,15 +50,21 @@ pub(crate) enum PageRequest {
         /// Behaviour at power 0 or speed 0.
         #[serde(default)]
         zero: ZeroPower,
+        /// True to enable the motor once the hub has accepted the set-point.
+        #[serde(default)]
+        enable: bool,
     },
-    /// Constant current of an enabled motor. A disabled motor gets power 0 instead.
+    /// Constant current of an enabled motor. A motor that stays disabled gets power 0 instead.
     Current {
         motor: u8,
         amperes: f64,
         /// Speed limit in counts/s; `None` for no limit.
         speed: Option<f64>,
+        /// True to enable the motor with power 0 before the current starts.
+        #[serde(default)]
+        enable: bool,
     },
-    /// Enables or disables a motor.
+    /// Enables or disables a motor. An enabled motor follows the last set-point that the hub has accepted.
     Enable { motor: u8, on: bool },
     /// Makes a motor's present position 0.
     ResetEncoder { motor: u8 },

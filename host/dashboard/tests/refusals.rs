@@ -226,6 +226,28 @@ fn run_motor_0(page: &mut Page) {
 }
 
 #[test]
+fn a_motor_is_enabled_by_a_set_point_only_if_the_set_point_is_accepted() {
+    let mut page = page_of(vec![Hub::new()]);
+    run_motor_0(&mut page);
+    page.order(&json!("stop"));
+    page.until("a stop", |message| message["motors_disabled"] == true);
+    for order in [
+        json!({ "drive": { "motor": 0, "mode": "velocity", "value": 0, "tolerance": 70_000, "enable": true } }),
+        json!({ "drive": { "motor": 0, "mode": "position", "value": 0, "speed": 0, "enable": true } }),
+        json!({ "current": { "motor": 0, "amperes": 0, "speed": 0, "enable": true } }),
+    ] {
+        page.order(&order);
+        page.until("a refusal", |message| message["kind"] == "refused");
+        assert_eq!(page.frame()["motors"][0]["enabled"], false, "{order}");
+    }
+    page.order(&json!({ "drive": { "motor": 0, "mode": "velocity", "value": 0, "enable": true } }));
+    page.order(&json!({ "current": { "motor": 1, "amperes": 0.5, "enable": true } }));
+    page.until("two enabled motors", |message| {
+        message["motors"][0]["enabled"] == true && message["motors"][1]["enabled"] == true
+    });
+}
+
+#[test]
 fn a_stop_disables_the_motors_of_all_hubs_although_a_child_does_not_answer() {
     let [silent_child, child] = [Arc::new(AtomicBool::new(false)), Arc::default()];
     let hubs = vec![

@@ -70,11 +70,7 @@ fn a_change_of_settings_is_answered_to_the_page_that_asked_for_it() {
 fn a_motor_has_a_constant_current_once_it_is_enabled() {
     let dashboard = Dashboard::start(&[]);
     let mut page = Page::ready(&dashboard);
-    let current = json!({ "motor": 0, "amperes": 0.4, "speed": 600 });
-    // A disabled motor gets power 0, with which it can be enabled.
-    page.order("current", current.clone());
-    page.order("enable", json!({ "motor": 0, "on": true }));
-    page.order("current", current);
+    page.order("current", json!({ "motor": 0, "amperes": 0.4, "speed": 600, "enable": true }));
     page.until("a constant current", |page, _| {
         let motor = &page.frame["motors"][0];
         motor["setpoint"] == "current" && motor["target"] == 0.4 && motor["velocity"].as_f64() > Some(500.0)

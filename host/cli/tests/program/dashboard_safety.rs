@@ -1,8 +1,8 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
 use crate::browser::page::{
-    card, drive, live, motor, mouse, number, off, point, with_driver_and_viewer, with_page, with_page_of,
-    with_two_pages,
+    card, drive, live, motor, mouse, number, off, open, point, with_driver_and_viewer, with_page,
+    with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
 use crate::common::{alone, made_folder, signal, wait_for};
@@ -187,6 +187,25 @@ fn run_after_stop_needs_a_new_speed() {
         let before = position(tab);
         std::thread::sleep(Duration::from_secs(1));
         assert!((position(tab) - before).abs() <= 3, "{} from {before}", position(tab));
+    });
+}
+
+#[test]
+fn run_does_not_start_a_motor_whose_set_point_is_refused() {
+    with_page(|tab| {
+        drive(tab, 0, 900);
+        tab.click("#stop");
+        off(tab, Instant::now());
+        tab.ask("import('/js/motors.js').then(({ motion }) => { motion.tolerance = 70000; })");
+        tab.click(&card(0, ".run"));
+        tab.wait("document.querySelector('#notice').textContent.startsWith('Not done')");
+        std::thread::sleep(ANSWERED);
+        assert_eq!(tab.ask(&motor(0, "enabled")), false);
+        // The field keeps its range.
+        tab.click("#tab-group");
+        open(tab, "Limits of set-points");
+        tab.fill("#motion-tolerance", "70000");
+        assert_eq!(number(tab, "#motion-tolerance"), 65_535.0);
     });
 }
 

@@ -46,8 +46,7 @@ export function startGamepad(link) {
     const wanted = Math.abs(stick) < DEAD ? 0 : Math.round(stick * SHARE * freeSpeed(state.settings[driven]));
     if (!begins && (wanted === speed || performance.now() - sent < EVERY_MS)) return;
     [sent, speed] = [performance.now(), wanted];
-    link.order("drive", { motor: driven, mode: "velocity", value: wanted });
-    if (begins) link.order("enable", { motor: driven, on: true });
+    link.order("drive", { motor: driven, mode: "velocity", value: wanted, enable: begins });
   }
   on("notice", ({ motors_disabled }) => {
     if (!motors_disabled) return;

@@ -35,11 +35,14 @@ export function groupPanel(link) {
     part("move", "Limits of set-points", false, ...limits()));
 }
 
-/** Fields for speed limits, tolerance and behaviour at zero of the set-points. */
+/** Fields for speed limits, tolerance and behaviour at zero of the set-points. An entered number is kept within its range. */
 function limits() {
   const zero = select([["brake", "brakes"], ["float", "coasts"]], { id: "motion-zero", onchange: () => { motion.zero = zero.value; } });
   const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most, /** @type {string} */ empty) => {
-    const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: empty, value: motion[name], onchange: () => { motion[name] = input.value === "" ? null : Math.round(Number(input.value)); } });
+    const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: empty, value: motion[name], onchange: () => {
+      motion[name] = input.value === "" ? null : Math.max(1, Math.min(most, Math.round(Number(input.value))));
+      input.value = motion[name] ?? "";
+    } });
     return [h("label", { for: input.id }, words), input];
   };
   return [

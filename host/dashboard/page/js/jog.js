@@ -21,13 +21,12 @@ export function jogForm(link) {
   /** @type {number[]} the motors that a held button drives */
   let driven = [];
 
-  function drive(/** @type {number} */ value) {
-    for (const motor of driven) link.order("drive", { motor, mode: mode.value, value });
+  function drive(/** @type {number} */ value, enable = false) {
+    for (const motor of driven) link.order("drive", { motor, mode: mode.value, value, enable });
   }
   function begin(/** @type {number} */ direction) {
     driven = which.value === "all" ? [0, 1, 2, 3] : [state.chosen];
-    drive(direction * levels[mode.value]);
-    for (const motor of driven) link.order("enable", { motor, on: true });
+    drive(direction * levels[mode.value], true);
   }
   function end() {
     drive(0);

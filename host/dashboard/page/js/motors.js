@@ -52,11 +52,11 @@ export function limited(/** @type {ReturnType<typeof scale>} */ { most, digits, 
 
 const of = (/** @type {any} */ card) => scale(card.mode.value, state.settings[card.motor]);
 
-/** Sends the set-point. */
-function drive(/** @type {any} */ card) {
+/** Sends the set-point. With `enable` the server enables the motor once the hub has accepted the set-point. */
+function drive(/** @type {any} */ card, enable = false) {
   card.orderedAt = performance.now();
-  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: card.target, speed: motion.current });
-  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: card.target, zero: motion.zero, speed: motion.speed, tolerance: motion.tolerance });
+  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: card.target, speed: motion.current, enable });
+  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: card.target, zero: motion.zero, speed: motion.speed, tolerance: motion.tolerance, enable });
 }
 
 /** Takes a value in the unit of the card, limits it to what the motor can, and sends it. */
@@ -139,11 +139,8 @@ function build(/** @type {number} */ motor) {
 }
 
 function run(/** @type {any} */ card) {
-  const running = state.frame?.motors[card.motor]?.enabled;
-  if (!running) drive(card);
-  link.order("enable", { motor: card.motor, on: !running });
-  // A hub takes a constant current for enabled motors only.
-  if (!running && card.mode.value === "current") drive(card);
+  if (state.frame?.motors[card.motor]?.enabled) link.order("enable", { motor: card.motor, on: false });
+  else drive(card, true);
 }
 
 /** Follows the hub's set-point. */

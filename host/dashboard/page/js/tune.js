@@ -75,8 +75,7 @@ export function tunePanel(link) {
     if (low === high) return setText(says, "Enter two different speeds for a step.");
     const now = state.frame.at_s;
     running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null };
-    order("drive", { mode: "velocity", value: low });
-    order("enable", { on: true });
+    order("drive", { mode: "velocity", value: low, enable: true });
     setText(says, "Reaching the first speed …");
   }
 

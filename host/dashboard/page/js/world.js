@@ -18,7 +18,7 @@ export function worldPanel(link) {
   const encoder = select(ENCODERS, { id: "world-encoder", onchange: () => change("encoder", { motor: motor(), is: encoder.value }) });
   const of = h("h3", {}, "");
   const buttons = [
-    ["Winch of 0.8 N m", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
+    ["Winch of 0.8 N m", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800, enable: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
     ["Unplug the encoder", () => change("encoder", { motor: motor(), is: "unplugged" })],
     ["Battery to 7 V", () => change("battery", { volts: 7 })],
     ["Reset simulation", () => change("reset", null)],
