@@ -81,7 +81,7 @@ impl Devices {
         match *order {
             DeviceRequest::Servo { servo, period_us, width_us, on } => {
                 let servo: ServoOutput = number("a servo output", servo)?;
-                if !on {
+                if on == Some(false) {
                     return Ok(session.enable_servo(servo, false).map(|()| None)?);
                 }
                 let pulses = (WordFrom::new(period_us), WordFrom::new(width_us));
@@ -91,7 +91,9 @@ impl Devices {
                 check_pulse(width_us, period_us).map_err(|error| error.to_string())?;
                 session.set_servo_period(servo, period)?;
                 session.set_servo_width(servo, width)?;
-                session.enable_servo(servo, true)?;
+                if on == Some(true) {
+                    session.enable_servo(servo, true)?;
+                }
             }
             DeviceRequest::Pin { pin, level } => {
                 let pin: Pin = number("a digital pin", pin)?;

@@ -242,7 +242,7 @@ pub(crate) enum Look {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum DeviceRequest {
-    /// Starts or ends the pulses of a servo.
+    /// Starts, changes or ends the pulses of a servo.
     Servo {
         /// Servo output, 0 to 5.
         servo: u8,
@@ -250,8 +250,8 @@ pub(crate) enum DeviceRequest {
         period_us: u16,
         /// Length of the pulses in microseconds.
         width_us: u16,
-        /// True to start the pulses, false to end them.
-        on: bool,
+        /// True to start the pulses, false to end them; `None` sets period and width, and starts no pulses.
+        on: Option<bool>,
     },
     /// Sets a digital pin.
     Pin {

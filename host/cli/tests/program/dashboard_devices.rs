@@ -4,7 +4,7 @@ use crate::browser::Tab;
 use crate::browser::page::{
     ESCAPE, drive, off, open, pictures, press, theme, unobstructed, with_page, with_page_of,
 };
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Leaves pictures of a phone and a laptop in two themes in `target/dashboard`.
 fn look(tab: &mut Tab<'_>, name: &str) {
@@ -31,6 +31,22 @@ fn servos_run_until_stop() {
         tab.wait(&is(true));
         tab.press(ESCAPE);
         tab.wait(&is(false));
+        // A width that the slider has not sent yet at STOP starts no pulses.
+        tab.click(run);
+        tab.wait(&is(true));
+        tab.ask(
+            "(() => { const slider = document.querySelector('[aria-label=\"Pulse of servo 2, µs\"]'); \
+             slider.value = 1700; slider.dispatchEvent(new Event('input')); \
+             return new Promise((done) => setTimeout(() => { document.querySelector('#stop').click(); done(0); }, 40)); })()",
+        );
+        std::thread::sleep(Duration::from_millis(500));
+        assert_eq!(tab.ask(&is(true)), false);
+        // Neither does the order of a page that does not know of the STOP.
+        tab.ask("dashboard.link.order('device', { servo: { servo: 2, period_us: 20000, width_us: 1700, on: null } })");
+        std::thread::sleep(Duration::from_millis(300));
+        tab.ask("dashboard.link.order('look', 'servos')");
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(tab.ask(&is(false)), true);
         // A hub that has motors only takes the place of this one.
         tab.ask("import('/js/state.js').then(({ state, emit }) => { state.has = { servos: 0, analog: 0, pins: [], buses: 0 }; emit('line'); })");
         tab.wait("document.querySelector('#tab-devices').hidden && document.querySelector('#panel-tune').checkVisibility()");

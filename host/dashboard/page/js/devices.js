@@ -59,20 +59,25 @@ function servos(/** @type {any} */ link) {
   const period = h("input", { type: "number", id: "servo-period", min: 2, max: 65535, step: 1, value: 20000 });
   const all = count(SERVOS).map((servo) => {
     const one = { width: 1500, on: false, row: [], slider: /** @type {any} */ (null), run: /** @type {any} */ (null) };
-    const send = () => link.order("device", { servo: { servo, period_us: Math.round(Number(period.value)), width_us: one.width, on: one.on } });
+    const send = (/** @type {boolean|null} */ on) => link.order("device", { servo: { servo, period_us: Math.round(Number(period.value)), width_us: one.width, on } });
     one.slider = labelled({ label: `Pulse of servo ${servo}, µs`, min: 500, max: 2500, step: 10, words: (value) => `${number(value)} µs`, send: (value) => {
       one.width = value;
-      if (one.on) send();
+      // A change of the width starts no pulses.
+      if (one.on) send(null);
     } });
-    one.slider.show(one.width, one.width);
+    one.slider.set(one.width, one.width);
     one.run = h("button", { type: "button", role: "switch", "aria-checked": "false", "aria-label": `Pulses of servo ${servo}`, onclick: () => {
       one.on = !one.on;
-      send();
+      send(one.on);
       link.order("look", "servos");
     } }, "Off");
     one.row = [h("span", {}, `Servo ${servo}`), h("div", { class: "servo" }, one.slider.element, one.run)];
     return one;
   });
+  // A width that was not sent before a stop is forgotten.
+  const forget = () => { for (const one of all) one.slider.set(one.width, one.width); };
+  on("notice", ({ motors_disabled }) => { if (motors_disabled) forget(); });
+  on("line", forget);
   on("servos", ({ servos }) => all.forEach((one, servo) => {
     const is = servos[servo];
     for (const element of one.row) element.hidden = !is;

@@ -80,14 +80,21 @@ export function labelled({ label, min, max, step, words, send }) {
     clearTimeout(timer);
     timer = setTimeout(() => send(value), WAIT_MS);
   });
+  function put(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
+    set(value ?? otherwise);
+    setText(output, value === null ? "scenario" : words(value));
+  }
   return {
     input,
     element: h("div", { class: "slider" }, element, output),
-    /** Shows the value in force; without one the scenario's value is in force. */
+    /** Shows the value in force, unless somebody uses the slider; without a value the scenario's value is in force. */
     show(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
-      if (held() || document.activeElement === input) return;
-      set(value ?? otherwise);
-      setText(output, value === null ? "scenario" : words(value));
+      if (!held() && document.activeElement !== input) put(value, otherwise);
+    },
+    /** Shows the value in force, and forgets a value that was not sent yet. */
+    set(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
+      clearTimeout(timer);
+      put(value, otherwise);
     },
   };
 }
