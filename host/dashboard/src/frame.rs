@@ -261,6 +261,12 @@ pub(crate) fn catalogue() -> Vec<Value> {
 }
 
 impl Frame {
+    /// True if a motor is regulated to a position, alone or in a group.
+    pub(crate) fn holds_position(&self, motor: u8) -> bool {
+        let motor = self.motors.get(usize::from(motor));
+        motor.is_some_and(|motor| motor.enabled && ["position", "together"].contains(&motor.setpoint))
+    }
+
     /// Converts a hub's report to a frame.
     #[must_use]
     pub(crate) fn of(report: &HubReport) -> Self {

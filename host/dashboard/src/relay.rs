@@ -233,6 +233,9 @@ impl Relay {
             PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
+            PageRequest::ResetEncoder { motor } if self.frame.holds_position(motor) => {
+                Err(format!("motor {motor} holds a position, and would travel to its target from the new zero: switch the motor off first").into())
+            }
             PageRequest::Identify { .. } if let Some(Identification { motor, .. }) = self.identification => {
                 Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
             }

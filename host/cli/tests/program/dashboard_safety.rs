@@ -1,8 +1,8 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
 use crate::browser::page::{
-    card, drive, live, motor, mouse, number, off, open, point, with_driver_and_viewer, with_page,
-    with_page_of, with_two_pages,
+    card, drive, drive_until, live, motor, mouse, number, off, open, point, press, with_driver_and_viewer,
+    with_page, with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
 use crate::common::{alone, made_folder, signal, wait_for};
@@ -206,6 +206,48 @@ fn run_does_not_start_a_motor_whose_set_point_is_refused() {
         open(tab, "Limits of set-points");
         tab.fill("#motion-tolerance", "70000");
         assert_eq!(number(tab, "#motion-tolerance"), 65_535.0);
+    });
+}
+
+/// Switches motor 0 off, and checks that *Run* then leaves the motor where it is, also after `between`.
+fn stays_at_run_after(tab: &mut Tab<'_>, between: impl Fn(&mut Tab<'_>)) {
+    let position = |tab: &mut Tab<'_>| tab.ask(&motor(0, "position")).as_i64().expect("a position");
+    tab.click(&card(0, ".run"));
+    off(tab, Instant::now());
+    tab.wait(&format!("{} === 0", motor(0, "velocity")));
+    between(tab);
+    std::thread::sleep(ANSWERED);
+    let before = position(tab);
+    tab.click(&card(0, ".run"));
+    tab.wait(&motor(0, "enabled"));
+    std::thread::sleep(Duration::from_secs(1));
+    assert!((position(tab) - before).abs() <= 20, "{} from {before}", position(tab));
+}
+
+#[test]
+fn run_holds_the_present_position_after_a_new_zero_and_on_another_hub() {
+    with_page_of(&["--hubs", "2"], |_, tab| {
+        let reach = |tab: &mut Tab<'_>| {
+            let is_reached = format!("Math.abs({} - 2000) < 20", motor(0, "position"));
+            drive_until(tab, 0, "2000", &is_reached);
+        };
+        tab.fill(&card(0, "[aria-label^=Mode]"), "position");
+        reach(tab);
+        tab.click("#tab-setup");
+        press(tab, "Set zero here");
+        tab.wait(
+            "document.querySelector('#notice').textContent.startsWith('Not done: motor 0 holds a position')",
+        );
+        stays_at_run_after(tab, |tab| {
+            press(tab, "Set zero here");
+            tab.wait(&format!("Math.abs({}) < 20", motor(0, "position")));
+        });
+        reach(tab);
+        stays_at_run_after(tab, |tab| {
+            tab.fill(&card(0, "input[type=number]"), "3000");
+            tab.click("#hubs button:nth-child(2)");
+            tab.wait("dashboard.state.hubs[1].shown");
+        });
     });
 }
 

@@ -1,5 +1,6 @@
 // A card for each motor: state, reason why it stands, and set-point. The set-point of a running motor is the hub's, so that
-// every page shows what runs. A motor that was stopped starts again at zero.
+// every page shows what runs. A motor that was stopped starts again at zero, or at its present position, unless a value
+// was entered since. A value that was entered before *Set zero here*, or for another hub, no longer counts.
 
 import { elementById, h, setText } from "./dom.js";
 import { select } from "./list.js";
@@ -62,24 +63,26 @@ function drive(/** @type {any} */ card, enable = false) {
 /** Takes a value in the unit of the card, limits it to what the motor can, and sends it. */
 function enter(/** @type {any} */ card, /** @type {number} */ given) {
   const { value, words } = limited(of(card), given);
+  card.entered = true;
   card.target = of(card).meant(value);
   card.limited = words && { words, until: performance.now() + SAID_MS };
   clearTimeout(card.timer);
   drive(card);
 }
 
-/** The set-point of a motor that is not driven. */
+/** Puts the set-point of a motor that is not driven in the place of an entered one. */
 function rest(/** @type {any} */ card) {
+  card.entered = false;
   card.target = card.mode.value === "position" ? state.frame?.motors[card.motor]?.position ?? 0 : 0;
   clearTimeout(card.timer);
 }
 
-/** Shows the set-point in slider and field. A field into which somebody types stays as it is. */
-function showTarget(/** @type {any} */ card) {
+/** Shows the set-point in slider and field. A field into which somebody types stays as it is, unless `typed` is true. */
+function showTarget(/** @type {any} */ card, typed = false) {
   const { digits, shown } = of(card);
   const value = Number(shown(card.target).toFixed(digits));
   card.slider.set(value);
-  if (document.activeElement !== card.number) card.number.value = String(value);
+  if (typed || document.activeElement !== card.number) card.number.value = String(value);
 }
 
 /** Adapts slider and field to mode, motor and unit. */
@@ -95,7 +98,7 @@ function fit(/** @type {any} */ card) {
 
 function build(/** @type {number} */ motor) {
   /** @type {any} */
-  const card = { motor, target: 0, sent: 0, orderedAt: -Infinity };
+  const card = { motor, target: 0, entered: false, sent: 0, orderedAt: -Infinity };
   card.name = h("small", {});
   card.title = h("span", {}, `Motor ${motor}`);
   card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, card.title, card.name);
@@ -108,6 +111,7 @@ function build(/** @type {number} */ motor) {
   card.mode = select([["power", "Power"], ["current", "Current"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `Mode of motor ${motor}` });
   card.mode.value = "velocity";
   card.slider = slider({ value: 0 }, (value) => {
+    card.entered = true;
     card.target = of(card).meant(value);
     card.number.value = String(value);
     clearTimeout(card.timer);
@@ -147,10 +151,9 @@ function run(/** @type {any} */ card) {
 function follow(/** @type {any} */ card, /** @type {any} */ motor) {
   const stopped = card.enabled && !motor.enabled;
   card.enabled = motor.enabled;
-  if (stopped) {
+  if (stopped || (!motor.enabled && !card.entered && !card.slider.held())) {
     rest(card);
-    if (document.activeElement === card.number) card.number.value = "0";
-    return showTarget(card);
+    return showTarget(card, stopped);
   }
   const mine = card.slider.held() || performance.now() - card.orderedAt < ORDER_MS;
   if (!motor.enabled || mine || motor.target === null || !card.mode.options.some(([mode]) => mode === motor.setpoint)) return;
@@ -211,6 +214,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
 
 function allow() {
   const may = mayOrder();
+  if (!may) cards.forEach(rest);
   for (const card of cards) for (const element of [card.run, card.mode, card.slider.input, card.number]) element.disabled = !may;
 }
 
@@ -228,6 +232,9 @@ export function startMotors(/** @type {any} */ to) {
     fit(cards[motor]);
   });
   on("unit", () => cards.forEach(fit));
+  on("zeroed", (motor) => rest(cards[motor]));
+  // The server sends this message also when it shows another hub.
+  on("line", () => cards.forEach(rest));
   for (const what of ["hubs", "line"]) on(what, () => cards.forEach((card) => setText(card.title, motorName(card.motor))));
   on("chosen", () => cards.forEach((card) => {
     card.element.classList.toggle("chosen", card.motor === state.chosen);

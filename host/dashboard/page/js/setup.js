@@ -3,7 +3,7 @@
 import { h, setText } from "./dom.js";
 import { settingsForm } from "./fields.js";
 import { select } from "./list.js";
-import { inControl, mayOrder, on, onControl, state } from "./state.js";
+import { emit, inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
 
 const SCHEMES = [["A", "A: control is an equivalent voltage"], ["B", "B: control is a current"], ["C", "C: as B, with braking as steep as driving"], ["D", "D: between B and C"], ["none", "No braking regime"]];
@@ -21,7 +21,10 @@ export function setupPanel(link) {
   const undo = h("button", { type: "button", onclick: () => link.order("undo", { motor: state.chosen }) }, "Undo");
   const save = h("button", { type: "button", id: "save", onclick: () => link.order("save") }, "Save settings");
   const saving = h("p", { class: "muted" });
-  const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Set zero here");
+  const zero = h("button", { type: "button", title: "The present position becomes 0. A motor that holds a position would travel: switch it off first", onclick: () => {
+    link.order("reset-encoder", { motor: state.chosen });
+    emit("zeroed", state.chosen);
+  } }, "Set zero here");
 
   function fill() {
     const settings = state.settings[state.chosen];
