@@ -142,6 +142,17 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
 }
 
 #[test]
+fn a_page_that_connects_while_it_is_hidden_loses_control_too() {
+    with_page(|tab| {
+        tab.hide();
+        tab.ask("location.reload(); 0");
+        tab.wait("window.dashboard?.state.you > 1 && dashboard.state.controller === dashboard.state.you");
+        assert_eq!(tab.ask("document.hidden"), true);
+        tab.wait("dashboard.state.open && dashboard.state.controller === null");
+    });
+}
+
+#[test]
 fn a_gamepad_drives_while_its_button_is_held_and_not_in_a_hidden_page() {
     with_page(|tab| {
         tab.ask(

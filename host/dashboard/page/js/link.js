@@ -12,7 +12,7 @@ export class Link {
   /** @param {(message: Message) => void} onMessage @param {(open: boolean) => void} changed */
   constructor(onMessage, changed) {
     this.onMessage = onMessage;
-    document.addEventListener("visibilitychange", () => this.order("hidden", { hidden: document.hidden }));
+    document.addEventListener("visibilitychange", () => this.hide());
     /** Numbers of frames: the newest, the newest that the page held when it was painted last, and the newest acknowledged. */
     [this.newest, this.held, this.acknowledged] = [0, 0, 0];
     this.acknowledgedAt = 0;
@@ -29,11 +29,17 @@ export class Link {
   /** @param {string} text */
   take(text) {
     const message = JSON.parse(text);
+    // The server counts a page that has just connected as visible.
+    if (message.kind === "welcome" && document.hidden) this.hide();
     this.onMessage(message);
     if (message.kind !== "frame") return;
     this.newest = message.number;
     // A hidden page is not painted. The server allows that for some seconds.
     if (document.hidden) this.acknowledge(message.number);
+  }
+
+  hide() {
+    this.order("hidden", { hidden: document.hidden });
   }
 
   /** Runs before each painting: what the page held at the last call has been painted since. */
