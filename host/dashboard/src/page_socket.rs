@@ -9,7 +9,7 @@ use std::time::Duration;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-/// Longest order in bytes.
+/// Longest order in bytes. `link.js` refuses a longer order.
 const LONGEST: usize = 16 * 1024;
 
 /// Longest wait for an order before waiting texts are sent.

@@ -81,6 +81,9 @@ fn settings_are_exported_changed_and_imported() {
         tab.wait("dashboard.state.settings.every(({ scheme }) => scheme.scheme === 'B')");
         choose(tab, "#settings-file", "wrong.toml", "schema_version = 99");
         tab.wait("document.querySelector('#notice').textContent.includes('schema_version is 99')");
+        choose(tab, "#settings-file", "long.toml", format!("{text}{}", "# note\n".repeat(2_400)));
+        tab.wait("document.querySelector('#notice').textContent.includes('allowed are at most 16384')");
+        assert_eq!(tab.ask("dashboard.state.open && dashboard.state.you"), 1);
     });
 }
 

@@ -62,6 +62,7 @@ export function firmwareForm(link) {
     try {
       const file = new Uint8Array(await chosen.arrayBuffer());
       const bytes = flashOf(file);
+      if (bytes.length > LARGEST) throw new Error(`it has ${bytes.length} bytes; allowed are at most ${LARGEST}`);
       const version = versionOf(bytes);
       const { signature, key } = seal;
       if (Boolean(signature) !== Boolean(key)) throw new Error(`a signed image needs a signature and a key: choose the ${signature ? "key" : "signature"} too`);

@@ -5,6 +5,8 @@ import { connect } from "./transport.js";
 
 /** Shortest interval between two acknowledgements, in milliseconds: some ten per second, also where few frames are painted. */
 const EVERY_MS = 90;
+/** Longest order in bytes: the server breaks a connection with a longer one. */
+const LONGEST = 16 * 1024;
 
 /** @typedef {{kind: string, [key: string]: any}} Message */
 
@@ -58,6 +60,11 @@ export class Link {
 
   /** @param {string} order @param {any} [fields] @returns {boolean} true if the order was sent */
   order(order, fields = null) {
-    return this.send(JSON.stringify({ [order]: fields }));
+    const text = JSON.stringify({ [order]: fields });
+    const { length } = new TextEncoder().encode(text);
+    if (length <= LONGEST) return this.send(text);
+    // Only a file makes an order so long.
+    this.onMessage({ kind: "refused", why: `the file is too long: with it the order has ${length} bytes; allowed are at most ${LONGEST}. Check that it is the right file` });
+    return false;
   }
 }
