@@ -82,11 +82,10 @@ impl Options {
             None => server,
         };
         let (place, simulation) = match self.port.as_ref().or(self.tcp.as_ref()) {
-            Some(place) => (real(place, self.address), None),
+            Some(place) => (real(place), None),
             None => {
                 let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-                let (place, simulation) =
-                    simulate(self.scenario.as_deref(), self.hubs, self.address, memory, &stop)?;
+                let (place, simulation) = simulate(self.scenario.as_deref(), self.hubs, memory, &stop)?;
                 (place, Some(simulation))
             }
         };
@@ -98,7 +97,7 @@ impl Options {
         }
         // The destructor removes the file when the program ends.
         let _handover = self.open.then(|| open(&url));
-        server.run(place, &stop);
+        server.run(place.at(self.address), &stop);
         // The simulated hub ends with the server. If the hub has ended earlier by an error, the error is reported here.
         stop.store(true, Ordering::Relaxed);
         match simulation.map(JoinHandle::join) {
@@ -127,9 +126,9 @@ fn code(url: &str) -> String {
     all.clone().step_by(2).map(line).collect()
 }
 
-fn real(name: &str, address: Option<Address>) -> Place {
+fn real(name: &str) -> Place {
     let (place, mut said) = (name.to_owned(), None);
-    Place::real(name, move || match dashboard::hub::open(&place, address) {
+    Place::real(name, move |address| match dashboard::hub::open(&place, address) {
         Ok(session) => {
             said = None;
             Ok(session)
@@ -152,7 +151,6 @@ type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 fn simulate(
     file: Option<&Path>,
     hubs: u8,
-    address: Option<Address>,
     memory: Option<Memory>,
     stop: &Arc<AtomicBool>,
 ) -> Result<(Place, Simulation), Failure> {
@@ -178,7 +176,7 @@ fn simulate(
             &mut |_| !stop.load(Ordering::Relaxed),
         )
     });
-    let open = move || dashboard::hub::open(&place, address).map_err(|error| error.to_string());
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
     Ok((Place::simulated(&name, world, script, open), simulation))
 }
 

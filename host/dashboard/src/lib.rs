@@ -38,7 +38,7 @@
 //!
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
-//! let open = || hub::open("/dev/ttyACM0", None).map_err(|error| error.to_string());
+//! let open = |address| hub::open("/dev/ttyACM0", address).map_err(|error| error.to_string());
 //! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```

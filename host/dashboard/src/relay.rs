@@ -349,17 +349,21 @@ impl Relay {
         }
         session.set_address(address)?;
         self.chain.rename(address.get());
-        let kept = match session.stored_if_reported()? {
-            Some(report) => match report.stored {
-                Stored::Later | Stored::Damaged => {
-                    format!("until the hub's next reset, because its memory has {}", stored_text(&report))
-                }
-                _ => "also after a reset; the stored settings of the motors are kept".to_owned(),
-            },
-            None => {
+        let report = session.stored_if_reported()?;
+        let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
+        let kept = match (lost, report) {
+            (Some(report), _) => {
+                format!("until the hub's next reset, because its memory has {}", stored_text(&report))
+            }
+            (None, Some(_)) => "also after a reset; the stored settings of the motors are kept".to_owned(),
+            (None, None) => {
                 "at least until its next reset; it does not report whether it stores addresses".to_owned()
             }
         };
+        // The next session begins at the new address, unless it is for the parent.
+        if lost.is_none() && self.place.address.is_some() {
+            self.place.address = Some(address);
+        }
         self.send_notice(format!("the hub has address {new} {kept}"), false);
         Ok(())
     }
@@ -513,7 +517,7 @@ impl Relay {
     /// all motors are disabled first.
     fn connect(&mut self) {
         self.connect_at = Instant::now() + RECONNECT_INTERVAL;
-        match (self.place.open)() {
+        match (self.place.open)(self.place.address) {
             Ok(Opened { mut session, hubs }) => {
                 session.limit_timeout(REQUEST_TIMEOUT);
                 self.chain = Chain::new(&hubs, session.address());

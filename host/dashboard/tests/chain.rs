@@ -28,7 +28,7 @@ fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_go
             true
         })
     });
-    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
     let mut page = Page::new(Place::real("a chain", open));
 
     page.until("a battery", |message| message["battery_v"].as_f64() > Some(11.0));

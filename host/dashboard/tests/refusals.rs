@@ -36,7 +36,7 @@ use std::time::Duration;
 fn page_of(hubs: Vec<Hub>) -> Page {
     let addresses: Vec<Address> = hubs.iter().map(|hub| hub.responder.address()).collect();
     let mut line = Some(Memory::of(hubs));
-    let open = move || {
+    let open = move |_| {
         let line = line.take().ok_or("the session was dropped")?;
         let session = Session::new(line, addresses[0], Duration::from_millis(300));
         Ok(Opened { session, hubs: addresses.iter().map(|address| address.get()).collect() })
@@ -109,7 +109,7 @@ fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
     };
     let server = Server::start(running_for(60_000));
     let place = server.address.clone();
-    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
     let mut page = Page::new(Place::real("a hub", open));
     page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
     page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
@@ -298,7 +298,7 @@ fn an_order_to_a_child_that_does_not_answer_shows_the_parent() {
 fn a_hub_that_was_lost_has_no_motor_enabled() {
     let server = Server::start(Hub::new());
     let place = server.address.clone();
-    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
     let mut page = Page::new(Place::real("a hub", open));
     run_motor_0(&mut page);
     // The hub loses all three transmissions of one request.
@@ -310,6 +310,25 @@ fn a_hub_that_was_lost_has_no_motor_enabled() {
     page.until("a new session", |message| message["connected"] == true);
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
     page.until("a disabled motor", |message| message["motors"][0]["enabled"] == false);
+}
+
+#[test]
+fn a_hub_that_was_chosen_by_its_address_is_found_again_at_its_new_address() {
+    let hub = Hub::new();
+    let former = hub.responder.address();
+    let server = Server::start(hub);
+    let place = server.address.clone();
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
+    let mut page = Page::new(Place::real("a hub", open).at(Some(former)));
+    page.order(&json!({ "address": { "new": 7 } }));
+    page.until("a new address", |message| {
+        message["text"].as_str().is_some_and(|text| text.starts_with("the hub has address 7"))
+    });
+    // The hub loses all three transmissions of one request.
+    server.hub().deaf_for = 3;
+    page.until("a lost hub", |message| message["connected"] == false);
+    page.until("a new session", |message| message["connected"] == true);
+    page.frame();
 }
 
 #[test]
