@@ -534,6 +534,10 @@ impl Relay {
     /// Asks the hub of the session what the hub can report and store. Deletes the state that the relay has kept of the
     /// former hub: undo lists, proposals and pin levels. Sends the answers and the settings to the pages.
     fn query_hub(&mut self) -> Result<(), Error> {
+        // Pages must know the hub before its first frame.
+        if let Some(hubs) = self.chain.changed_hubs() {
+            self.send_to_all(&Message::Hubs { hubs });
+        }
         let Some(session) = &mut self.session else { return Ok(()) };
         let reports = session.report()?.is_some();
         let stores = session.stored_if_reported()?.is_some();

@@ -105,6 +105,20 @@ fn faults_are_listed_with_their_explanation() {
 }
 
 #[test]
+fn a_recording_ends_when_another_hub_is_shown() {
+    with_page_of(&["--hubs", "2"], |_, tab| {
+        tab.click("#tab-record");
+        press(tab, "Record");
+        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+        tab.click("#hubs button:nth-child(2)");
+        tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('Another hub is shown')");
+        assert_eq!(tab.ask("document.querySelector('#recording').hidden"), true);
+        press(tab, "Record");
+        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+    });
+}
+
+#[test]
 fn currents_are_shown_as_the_torque_of_the_shaft() {
     with_page(|tab| {
         drive(tab, 0, 800);

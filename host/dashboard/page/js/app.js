@@ -9,7 +9,7 @@ import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
 import { columns, drawn, startPlots } from "./plots.js";
-import { choose, inControl, store, stored, on, state, emit } from "./state.js";
+import { choose, inControl, store, stored, on, shownHub, state, emit } from "./state.js";
 import { admitted } from "./transport.js";
 import { number, units } from "./units.js";
 
@@ -21,8 +21,12 @@ const STALE_MS = 500;
 let noticeUntil = 0;
 let heardAt = 0;
 
-/** The address of the hub that is shown. */
-const shown = (/** @type {any[]} */ hubs) => hubs.find((hub) => hub.shown)?.address;
+/** Another hub begins with an empty history. */
+function setHubs(/** @type {any[]} */ hubs) {
+  const former = shownHub();
+  state.hubs = hubs;
+  if (shownHub() !== former) state.history.clear();
+}
 
 /** @param {import("./link.js").Message} message */
 function onMessage(message) {
@@ -48,8 +52,7 @@ function onMessage(message) {
       heardAt = performance.now();
       break;
     case "hubs":
-      if (shown(message.hubs) !== shown(state.hubs)) state.history.clear();
-      state.hubs = message.hubs;
+      setHubs(message.hubs);
       break;
     case "world":
       state.world = message;

@@ -4,7 +4,7 @@ import { elementById, h, setText } from "./dom.js";
 import { OF_MOTOR } from "./history.js";
 import { mcap } from "./mcap.js";
 import { show } from "./plots.js";
-import { on } from "./state.js";
+import { on, shownHub } from "./state.js";
 
 /** Rows that are kept as text; older rows go to a blob, which the browser may keep on disk. */
 const ROWS = 4096;
@@ -85,6 +85,8 @@ export function recordPanel() {
   /** @type {string[]} */
   let recent = [];
   let [recording, frames, begun] = [false, 0, 0];
+  /** Address of the hub that is recorded; `undefined` for a hub without a chain. @type {number|undefined} */
+  let hub;
   /** The rows as objects, a blob at a time. */
   async function* pieces() {
     for (const blob of [...blobs, new Blob(recent.map((row) => `${row}\n`))]) {
@@ -93,14 +95,15 @@ export function recordPanel() {
   }
   const whole = () => new Blob([`${HEADINGS.join(",")}\n`, ...blobs, ...recent.map((row) => `${row}\n`)], { type: "text/csv" });
   const says = h("p", { role: "status" }, "No recording yet.");
-  const toggle = h("button", { type: "button", class: "primary", "aria-pressed": "false", onclick: () => {
-    recording = !recording;
+  const toggle = h("button", { type: "button", class: "primary", "aria-pressed": "false", onclick: () => switchTo(!recording) }, "Record");
+  function switchTo(/** @type {boolean} */ is) {
+    recording = is;
     if (recording) [blobs, recent, frames, begun] = [[], [], 0, Date.now()];
     toggle.setAttribute("aria-pressed", String(recording));
     setText(toggle, recording ? "Stop recording" : "Record");
     emit();
     setText(says, recording ? "Recording." : frames ? `${seconds()} s of all motors are recorded.` : "No recording yet.");
-  } }, "Record");
+  }
   const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), begun, "csv") }, "Save as CSV");
   const pack = h("button", { type: "button", disabled: true, onclick: async () => {
     download(await mcap(pieces(), begun), begun, "mcap");
@@ -125,6 +128,12 @@ export function recordPanel() {
   }
   on("frame", (frame) => {
     if (!recording) return;
+    if (!frames) hub = shownHub();
+    if (shownHub() !== hub) {
+      switchTo(false);
+      setText(says, `Another hub is shown: the recording of the former hub has ended after ${seconds()} s.`);
+      return;
+    }
     frames += 1;
     recent.push(rows(frame));
     if (recent.length >= ROWS) {

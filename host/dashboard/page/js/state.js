@@ -39,11 +39,11 @@ export function emit(what, message) {
   for (const listener of listeners.get(what) ?? []) listener(message);
 }
 
+/** Address of the hub of a chain that is shown; `undefined` for a hub without a chain. @returns {number|undefined} */
+export const shownHub = () => state.hubs.find(({ shown }) => shown)?.address;
+
 /** A motor's name: in a chain, with the address of its hub. @param {number} motor */
-export function motorName(motor) {
-  const hub = state.hubs.find(({ shown }) => shown);
-  return hub ? `Motor ${hub.address}:${motor}` : `Motor ${motor}`;
-}
+export const motorName = (motor) => `Motor ${[shownHub(), motor].filter((part) => part !== undefined).join(":")}`;
 
 /** Calls `leave` when somebody can no longer see or use this page, or chooses another hub. @param {() => void} leave */
 export function onLeave(leave) {
