@@ -153,6 +153,20 @@ fn a_position_and_its_set_point_are_plotted() {
 }
 
 #[test]
+fn a_card_and_the_battery_are_unknown_without_a_connection() {
+    with_page_of(&[], |dashboard, tab| {
+        drive(tab, 0, 500);
+        dashboard.end();
+        let card = "document.querySelector('#motors .card:nth-child(1)')";
+        tab.wait(&format!("{card}.querySelector('.pill').textContent === 'Unknown'"));
+        for (part, text) in [(".run", "Run"), (".speed b", "–")] {
+            assert_eq!(tab.ask(&format!("{card}.querySelector('{part}').textContent")), text);
+        }
+        tab.wait("document.querySelector('#battery').textContent === 'Battery unknown'");
+    });
+}
+
+#[test]
 fn a_card_shows_the_state_of_the_bridge_and_names_slider_and_field_apart() {
     with_page(|tab| {
         let pill = "document.querySelector('#motors .card:nth-child(1) .pill')";

@@ -36,7 +36,7 @@ function onMessage(message) {
       break;
     case "line":
       Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores, has: message.has });
-      if (!message.connected) state.hubs = [];
+      if (!message.connected) Object.assign(state, { hubs: [], frame: null });
       break;
     case "control":
       state.controller = message.controller;
@@ -126,7 +126,7 @@ function theme(/** @type {string} */ chosen) {
 const link = new Link(onMessage, (open) => {
   state.open = open;
   if (open) state.history.clear();
-  else Object.assign(state, { controller: null, asks: null, connected: false });
+  else Object.assign(state, { controller: null, asks: null, connected: false, frame: null });
   facts();
   emit("open");
   emit("control");

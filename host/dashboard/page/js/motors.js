@@ -212,6 +212,19 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }
 
+/** Shows that nothing is known of a motor, because its hub is not connected. */
+function showUnknown(/** @type {any} */ card) {
+  for (const value of [card.speed, card.position, card.current]) setText(value, "–");
+  card.enabled = false;
+  card.run.setAttribute("aria-checked", "false");
+  setText(card.run, "Run");
+  card.pill.className = "pill";
+  card.pill.title = "";
+  setText(card.pill, "Unknown");
+  card.why.classList.remove("fault");
+  setText(card.why, "Unknown: the hub is not connected.");
+}
+
 function allow() {
   const may = mayOrder();
   if (!may) cards.forEach(rest);
@@ -240,6 +253,9 @@ export function startMotors(/** @type {any} */ to) {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));
   }));
-  onControl(allow);
+  onControl(() => {
+    if (!state.connected) cards.forEach(showUnknown);
+    allow();
+  });
   allow();
 }

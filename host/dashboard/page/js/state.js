@@ -20,7 +20,7 @@ export const state = {
   /** The scenario can be played. */ playable: false,
   /** @type {any[]} */ catalogue: [],
   /** @type {any[]} by motor */ settings: [],
-  /** The newest frame. */ frame: null,
+  /** The newest frame; null without a connection to the hub. */ frame: null,
   /** The motor shown in plots and panels. */ chosen: 0,
   world: null,
   history: new History(),

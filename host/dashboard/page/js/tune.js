@@ -73,7 +73,7 @@ export function tunePanel(link) {
   function step() {
     const [low, high] = ends;
     if (low === high) return setText(says, "Enter two different speeds for a step.");
-    const now = state.frame.at_s;
+    const now = state.frame?.at_s ?? 0;
     running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null };
     order("drive", { mode: "velocity", value: low, enable: true });
     setText(says, "Reaching the first speed …");
