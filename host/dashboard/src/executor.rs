@@ -5,7 +5,7 @@ use crate::hub::{RequestError, channel, of_motor, within};
 use crate::requests::PageRequest;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
-use motor_hub::braking::DutyRule;
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::extension::Request;
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
@@ -289,7 +289,10 @@ fn set_up(
         let motor = characterised(name).map_err(|error| error.to_string())?;
         settings.motor.winding = winding(&motor).map_err(|error| error.to_string())?;
     }
-    settings.motor.scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
+    // A scheme D that stays keeps its blend.
+    if scheme != SchemeName::D || !matches!(settings.motor.scheme, Scheme::D(_)) {
+        settings.motor.scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
+    }
     settings.motor.duty = duty;
     Ok(settings)
 }

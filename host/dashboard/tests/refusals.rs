@@ -167,6 +167,23 @@ fn pid_keeps_its_coefficients_when_the_set_up_of_its_motor_changes() {
     }
 }
 
+#[test]
+fn a_set_up_with_scheme_d_keeps_the_blend() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.frame();
+    let mut scheme_after = |order: Value| {
+        page.order(&order);
+        page.until("settings", |of| of["kind"] == "settings" && of["motor"] == 0)["scheme"].clone()
+    };
+    let fixed =
+        scheme_after(json!({ "configure": { "motor": 0, "values": { "scheme": "D", "blend": 0.25 } } }));
+    assert_eq!(fixed["blend"], 0.25, "{fixed}");
+    let set_up = |scheme| json!({ "set-up": { "motor": 0, "scheme": scheme, "duty": "linear-duty" } });
+    assert_eq!(scheme_after(set_up("D")), fixed);
+    scheme_after(set_up("B"));
+    assert_ne!(scheme_after(set_up("D")), fixed);
+}
+
 /// Reports that the last access to the memory of stored settings has failed.
 fn with_failed_access(packet: &Packet) -> Option<Reply> {
     let report = StoreReport { outcome: Outcome::Refused, ..StoreReport::default() };
