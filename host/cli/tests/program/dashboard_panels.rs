@@ -7,6 +7,7 @@ use crate::browser::page::{
 };
 use crate::client_update::{KEY, RUNS, image, with_slot};
 use crate::hub_support::{SIGNATURE, SLOT, Server};
+use crate::page::Page;
 use motor_hub::update::{Slot, public_key};
 use serde_json::json;
 use std::process::Command;
@@ -115,6 +116,25 @@ fn a_recording_ends_when_another_hub_is_shown() {
         assert_eq!(tab.ask("document.querySelector('#recording').hidden"), true);
         press(tab, "Record");
         tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+    });
+}
+
+#[test]
+fn typed_values_stay_when_another_page_opens_or_another_motor_is_changed() {
+    with_page_of(&[], |dashboard, tab| {
+        let limit = "#panel-tune [aria-label^=\"Largest acc\"]";
+        tab.click("#tab-tune");
+        tab.fill(limit, "4321");
+        tab.click("#tab-setup");
+        tab.fill("#setup-scheme", "D");
+        let other = Page::open(dashboard);
+        tab.wait("dashboard.state.pages === 2");
+        drop(other);
+        tab.wait("dashboard.state.pages === 1");
+        tab.ask("dashboard.link.order('configure', { motor: 1, values: { current_limit_ma: 2000 } })");
+        tab.wait("dashboard.state.settings[1].undoable === 1");
+        assert_eq!(number(tab, limit), 4321.0);
+        assert_eq!(tab.ask("document.querySelector('#setup-scheme').value"), "D");
     });
 }
 

@@ -28,7 +28,7 @@ export function setupPanel(link) {
 
   function fill() {
     const settings = state.settings[state.chosen];
-    undo.disabled = !inControl() || !settings?.undoable;
+    allow();
     if (!settings) return;
     name.value = settings.name ?? "";
     scheme.value = settings.scheme.scheme;
@@ -38,12 +38,13 @@ export function setupPanel(link) {
   function allow() {
     const may = mayOrder();
     for (const element of [name, scheme, duty, apply, zero]) element.disabled = !may;
+    undo.disabled = !inControl() || !state.settings[state.chosen]?.undoable;
     save.disabled = !may || !state.stores;
     setText(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
-    fill();
   }
   on("welcome", () => { name.options = [...UNCHANGED, ...state.catalogue.map((/** @type {any} */ motor) => [motor.name, motor.name])]; });
-  for (const what of ["settings", "chosen"]) on(what, fill);
+  on("settings", ({ motor }) => { if (motor === state.chosen) fill(); });
+  on("chosen", fill);
   onControl(allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },

@@ -154,7 +154,7 @@ export function tunePanel(link) {
 
   function fill() {
     const settings = state.settings[state.chosen];
-    undo.disabled = !inControl() || !settings?.undoable;
+    allow();
     setText(undo, settings?.undoable ? `Undo (${settings.undoable})` : "Undo");
     for (const of of ["velocity", "position"]) fields[of].forEach((/** @type {any} */ field, /** @type {number} */ i) => { if (document.activeElement !== field && settings) field.value = String(+settings[of][i].toFixed(4)); });
     limit.value = settings?.acceleration ?? "";
@@ -164,9 +164,10 @@ export function tunePanel(link) {
   function allow() {
     const may = mayOrder();
     for (const element of [byModel, byPid, setLimit, begin, limit, ...apply]) element.disabled = !may;
-    fill();
+    undo.disabled = !inControl() || !state.settings[state.chosen]?.undoable;
   }
-  for (const what of ["settings", "chosen", "unit"]) on(what, fill);
+  on("settings", ({ motor }) => { if (motor === state.chosen) fill(); });
+  on("chosen", fill);
   for (const what of ["settings", "chosen"]) on(what, () => {
     const of = scale("velocity", state.settings[state.chosen]);
     ends.forEach((cps, index) => { ends[index] = of.meant(limited(of, of.shown(cps)).value); });
