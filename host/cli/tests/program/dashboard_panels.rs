@@ -139,6 +139,23 @@ fn typed_values_stay_when_another_page_opens_or_another_motor_is_changed() {
 }
 
 #[test]
+fn a_slider_of_simulate_shows_the_newly_chosen_motor_although_it_has_the_focus() {
+    with_page(|tab| {
+        const TORQUE: &str = "#panel-world [aria-label^=Torque]";
+        tab.click("#tab-world");
+        focus(tab, TORQUE);
+        for _ in 0..4 {
+            tab.press(("ArrowRight", 39));
+        }
+        tab.wait("dashboard.state.world.motors[0].nm === 0.2");
+        tab.press(("1", 49));
+        assert_eq!(number(tab, TORQUE), 0.0);
+        tab.press(("ArrowRight", 39));
+        tab.wait("dashboard.state.world.motors[1].nm === 0.05");
+    });
+}
+
+#[test]
 fn currents_are_shown_as_the_torque_of_the_shaft() {
     with_page(|tab| {
         drive(tab, 0, 800);

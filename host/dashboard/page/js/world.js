@@ -27,14 +27,19 @@ export function worldPanel(link) {
   const play = h("button", { type: "button", class: "primary", id: "world-play", hidden: true, onclick: () => link.order("play") }, "Play the scenario");
   on("welcome", () => { play.hidden = !state.playable; });
 
+  /** The motor whose values are shown. */
+  let filled = -1;
   function fill() {
     const { world } = state;
     setText(of, `Motor ${state.chosen}`);
     if (!world) return;
     const at = world.motors[state.chosen];
     volts.show(world.volts, 12.6);
-    torque.show(at.nm, 0);
-    inertia.show(at.kg_m2, 0);
+    // A slider in use does not keep the value of the motor that was chosen before.
+    const put = filled === state.chosen ? "show" : "set";
+    filled = state.chosen;
+    torque[put](at.nm, 0);
+    inertia[put](at.kg_m2, 0);
     hold.setAttribute("aria-pressed", String(at.held));
     setText(hold, at.held ? "Release the shaft" : "Hold the shaft");
     encoder.value = at.encoder;
