@@ -79,4 +79,10 @@ export function stored(name, fallback) {
 }
 
 /** @param {string} name @param {any} value */
-export const store = (name, value) => localStorage.setItem(name, JSON.stringify(value));
+export function store(name, value) {
+  try {
+    localStorage.setItem(name, JSON.stringify(value));
+  } catch {
+    // A browser that stores nothing for this page loses the choice at a reload.
+  }
+}
