@@ -161,7 +161,9 @@ fn serve(
     stream.set_read_timeout(Some(READ))?;
     stream.set_write_timeout(Some(SENDING))?;
     stream.set_nodelay(true)?;
+    // A socket for IPv6 and IPv4 reports an IPv4 address as ::ffff:a.b.c.d. Browsers send a.b.c.d.
     let local = stream.local_addr()?;
+    let local = SocketAddr::new(local.ip().to_canonical(), local.port());
     if full {
         return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }

@@ -71,6 +71,19 @@ fn the_page_needs_the_token() {
 }
 
 #[test]
+fn a_server_at_all_ipv6_addresses_answers_ipv4_browsers() {
+    // A machine without IPv6 cannot bind this address.
+    let Ok(server) = Server::bind("[::]:0") else { return };
+    let address = SocketAddr::from(([127, 0, 0, 1], server.address().port()));
+    let token = server.url().split_once("token=").unwrap().1.to_owned();
+    run(server);
+    for host in [address.to_string(), format!("localhost:{}", address.port())] {
+        let answer = get(address, &format!("/?token={token}"), &format!("Host: {host}\r\n"));
+        assert_eq!(status(&answer), "200", "{answer}");
+    }
+}
+
+#[test]
 fn only_the_address_that_was_connected_to_is_a_host() {
     let (address, token) = served();
     let (ip, port) = (address.ip(), address.port());
