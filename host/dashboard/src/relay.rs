@@ -236,7 +236,9 @@ impl Relay {
             PageRequest::ResetEncoder { motor } if self.frame.holds_position(motor) => {
                 Err(format!("motor {motor} holds a position, and would travel to its target from the new zero: switch the motor off first").into())
             }
-            PageRequest::Identify { .. } if let Some(Identification { motor, .. }) = self.identification => {
+            _ if let Some(Identification { motor, .. }) = self.identification
+                && order.disturbs_identification(motor) =>
+            {
                 Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
             }
             PageRequest::Identify { motor, travel } => {

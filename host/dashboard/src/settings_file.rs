@@ -156,7 +156,7 @@ pub fn read(mut document: Table) -> Result<SettingsFile, String> {
     let base = document.remove("base").map(Value::try_into::<BaseTable>).transpose();
     let base = base.map_err(|error| format!("base: {}", error.message()))?;
     let motors = match document.remove("motor") {
-        Some(Value::Array(motors)) => motors,
+        Some(Value::Array(motors)) if !motors.is_empty() => motors,
         _ => return Err("there is no [[motor]]".to_owned()),
     };
     if let Some(key) = document.keys().next() {

@@ -78,12 +78,24 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
 }
 
 #[test]
-fn a_second_identification_is_refused_while_one_runs() {
+fn a_second_identification_and_changes_of_settings_are_refused_while_one_runs() {
     let mut page = page_of(vec![Hub::new()]);
     page.order(&json!({ "identify": { "motor": 1 } }));
     page.order(&json!({ "identify": { "motor": 2 } }));
-    let refused = page.until("a refusal", |message| message["kind"] == "refused");
-    assert_eq!(refused["why"], "motor 1 is being identified: wait for its end, or press STOP");
+    let refused = |page: &mut Page| {
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        assert_eq!(refused["why"], "motor 1 is being identified: wait for its end, or press STOP");
+    };
+    refused(&mut page);
+    // Neither may the settings of the motor change.
+    for order in [
+        json!({ "acceleration": { "motor": 1, "limit": 500 } }),
+        json!({ "reset-encoder": { "motor": 1 } }),
+        json!("load"),
+    ] {
+        page.order(&order);
+        refused(&mut page);
+    }
     let motors = &page.frame()["motors"];
     assert_eq!((&motors[1]["enabled"], &motors[2]["enabled"]), (&json!(true), &json!(false)));
 }
