@@ -204,6 +204,18 @@ fn a_card_and_the_battery_are_unknown_without_a_connection() {
 }
 
 #[test]
+fn an_identification_whose_connection_is_lost_is_shown_as_stopped() {
+    with_page_of(&[], |dashboard, tab| {
+        tab.click("#tab-learn");
+        press(tab, "Identify");
+        let says = "document.querySelector('#panel-learn [role=status]').textContent";
+        tab.wait(&format!("{says}.startsWith('Moving')"));
+        dashboard.end();
+        tab.wait(&format!("{says}.startsWith('The connection was lost')"));
+    });
+}
+
+#[test]
 fn a_card_shows_the_state_of_the_bridge_and_names_slider_and_field_apart() {
     with_page(|tab| {
         let pill = "document.querySelector('#motors .card:nth-child(1) .pill')";

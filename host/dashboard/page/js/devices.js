@@ -16,8 +16,8 @@ const RELEASED = ["released", "output, released"];
 
 const hex = (/** @type {number} */ byte) => byte.toString(16).padStart(2, "0");
 const count = (/** @type {number} */ length) => Array.from({ length }, (_, index) => index);
-/** A byte as 61 or 0x3d; not a number for other texts. */
-const byte = (/** @type {string} */ text) => (/^(0x[0-9a-f]{1,2}|\d{1,3})$/i.test(text) ? Number(text) : NaN);
+/** A byte as 61 or 0x3d; not a number for other texts, and above 255. */
+const byte = (/** @type {string} */ text) => (/^(0x[0-9a-f]{1,2}|\d{1,3})$/i.test(text) && Number(text) < 256 ? Number(text) : NaN);
 
 /** @param {any} link */
 export function devicesPanel(link) {
@@ -172,7 +172,9 @@ function i2c(/** @type {any} */ link) {
     const words = of.what === "scan" ? (shown ? `devices at ${of.bytes.map((/** @type {number} */ at) => `0x${hex(at)}`).join(" ")}` : "no device answers") : of.what === "read" ? `read ${shown}` : `wrote ${shown}`;
     setText(result, `Bus ${of.bus}: ${of.why ?? words}.`);
   });
-  on("refused", ({ why }) => { if (result.textContent?.endsWith("…")) setText(result, `Not done: ${why}.`); });
+  const fail = (/** @type {string} */ why) => { if (result.textContent?.endsWith("…")) setText(result, `Not done: ${why}.`); };
+  on("refused", ({ why }) => fail(why));
+  for (const what of ["line", "open"]) on(what, () => fail("the connection was lost, or another hub is shown"));
   return {
     element: part("devices", "I2C buses", false,
       h("div", { class: "pair" }, h("label", { for: "i2c-bus" }, "Bus"), bus, h("label", { for: "i2c-address" }, "Address"), address, h("label", { for: "i2c-register" }, "Register to read"), register, h("label", { for: "i2c-count" }, "Bytes to read"), length, h("label", { for: "i2c-bytes" }, "Bytes to write"), bytes, h("label", { for: "i2c-speed" }, "Speed"), fast),

@@ -97,6 +97,11 @@ export function firmwareForm(link) {
     setText(says, is === "failed" ? `The update failed: ${text}.` : is === "done" ? `The update is done: ${text}.` : `${text} ${percent} %`);
     allow();
   });
+  on("open", () => {
+    if (state.open || !running) return;
+    running = false;
+    setText(says, "The connection to the program was lost. Once it is back, the version under This hub says whether the update is done.");
+  });
   onControl(allow);
   return h("div", { class: "stack" },
     says, progress, h("div", { class: "row" }, image, imageField),

@@ -86,12 +86,16 @@ export function learnPanel(link) {
     motor = -1;
     show();
   });
-  on("notice", ({ motors_disabled }) => {
-    if (motors_disabled && motor >= 0) {
-      motor = -1;
-      setText(says, "The identification was stopped.");
-    }
-  });
+  /** The identification of this page has ended without a result. */
+  function stopped(/** @type {string} */ words) {
+    if (motor < 0) return;
+    motor = -1;
+    progress.value = 0;
+    setText(says, words);
+  }
+  on("notice", ({ motors_disabled }) => { if (motors_disabled) stopped("The identification was stopped."); });
+  // The server sends a message about the line only when the hub is lost, is found again, or is another one.
+  for (const what of ["line", "open"]) on(what, () => stopped("The connection was lost: the identification was stopped."));
 
   function show() {
     const of = last[state.chosen];
