@@ -3,7 +3,7 @@
 //! When all motors are stopped together, the hub also ends the pulses of all servos and releases all digital outputs.
 //! This happens at STOP, when the page in control is gone, and when the host is silent.
 
-use crate::hub::RequestError;
+use crate::hub::{RequestError, within};
 use crate::requests::DeviceRequest;
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
@@ -84,6 +84,10 @@ impl Devices {
                 if on == Some(false) {
                     return Ok(session.enable_servo(servo, false).map(|()| None)?);
                 }
+                let word =
+                    |what, us: f64| within(what, us.round(), 0.0..=u16::MAX.into(), "us").map(|us| us as u16);
+                let (period_us, width_us) =
+                    (word("a servo's period", period_us)?, word("a servo's pulse", width_us)?);
                 let pulses = (WordFrom::new(period_us), WordFrom::new(width_us));
                 let (Some(period), Some(width)) = pulses else {
                     return Err("a pulse is 1 to 65535 us long, and its period 2 to 65535 us".into());

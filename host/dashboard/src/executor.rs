@@ -28,7 +28,7 @@ use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
 
 /// Default tolerance of a position, in counts.
-const USUAL_TOLERANCE: u16 = 10;
+const USUAL_TOLERANCE: f64 = 10.0;
 
 /// Default speed limit towards a position, in counts/s.
 const USUAL_SPEED: f64 = 1_000.0;
@@ -217,7 +217,8 @@ impl Executor {
 }
 
 /// Returns the set-point of the order [`PageRequest::Drive`].
-fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Result<Setpoint, RequestError> {
+fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: f64) -> Result<Setpoint, RequestError> {
+    let tolerance = within("a tolerance", tolerance.round(), 0.0..=u16::MAX.into(), "counts")? as u16;
     Ok(match mode {
         RunMode::Power => {
             let share = within("a power", value, -1.0..=1.0, "")?;
@@ -225,9 +226,9 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
         }
         RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
-            let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
+            let counts = position(value)?;
             let speed_limit = speed_limit(speed.unwrap_or(USUAL_SPEED))?;
-            Setpoint::Position { counts: counts as i32, tolerance, speed_limit: speed_limit as i16 }
+            Setpoint::Position { counts, tolerance, speed_limit: speed_limit as i16 }
         }
     })
 }
@@ -256,6 +257,10 @@ fn current(
     Ok(())
 }
 
+fn position(value: f64) -> Result<i32, RequestError> {
+    Ok(within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
+}
+
 fn speed_limit(value: f64) -> Result<u16, RequestError> {
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
     Ok(within("a speed limit", value, least..=most, "counts/s")?.round() as u16)
@@ -265,8 +270,9 @@ fn cps(value: f64) -> Result<i16, RequestError> {
     Ok(within("a velocity", value, i16::MIN.into()..=i16::MAX.into(), "counts/s")?.round() as i16)
 }
 
-fn acceleration_limit(limit: u32) -> Result<Acceleration, RequestError> {
-    Acceleration::new(limit).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²".into())
+fn acceleration_limit(limit: f64) -> Result<Acceleration, RequestError> {
+    let limit = within("an acceleration", limit.round(), 1.0..=u32::MAX.into(), "counts/s²")?;
+    Acceleration::new(limit as u32).map_err(|error| error.to_string().into())
 }
 
 fn coefficients(pidf: [f64; 4]) -> Result<LoopCoefficients, RequestError> {
@@ -341,21 +347,28 @@ fn configured(
 }
 
 /// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.
-fn turn(session: &mut Session, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
-    let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
-    let fastest = within("a group's speed", fastest.into(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
-    let course = GroupCourse::Velocity(at.map(|cps| cps.map(CountsPerSecond::new)));
+fn turn(session: &mut Session, at: [Option<f64>; CHANNELS], acceleration: f64) -> Result<(), RequestError> {
+    let mut fastest = 0.0_f64;
+    for cps in at.into_iter().flatten() {
+        let cps = within("a group's speed", cps.round(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
+        fastest = fastest.max(cps.abs());
+    }
+    let course = GroupCourse::Velocity(at.map(|cps| cps.map(|cps| CountsPerSecond::new(cps.round() as i32))));
     begin_group(session, course, at.map(|cps| cps.is_some()), fastest, acceleration)
 }
 
 fn together(
     session: &mut Session,
-    to: [Option<i32>; CHANNELS],
-    speed: u32,
-    acceleration: u32,
+    to: [Option<f64>; CHANNELS],
+    speed: f64,
+    acceleration: f64,
 ) -> Result<(), RequestError> {
-    let speed = within("a group's speed", speed.into(), 1.0..=FASTEST_CPS, "counts/s")?;
-    begin_group(session, GroupCourse::Position(to), to.map(|to| to.is_some()), speed, acceleration)
+    let speed = within("a group's speed", speed.round(), 1.0..=FASTEST_CPS, "counts/s")?;
+    let mut counts = [None; CHANNELS];
+    for (counts, to) in counts.iter_mut().zip(to) {
+        *counts = to.map(position).transpose()?;
+    }
+    begin_group(session, GroupCourse::Position(counts), to.map(|to| to.is_some()), speed, acceleration)
 }
 
 /// Enables the members of a group, and starts the group.
@@ -364,7 +377,7 @@ fn begin_group(
     course: GroupCourse,
     takes_part: [bool; CHANNELS],
     speed_cps: f64,
-    acceleration: u32,
+    acceleration: f64,
 ) -> Result<(), RequestError> {
     let speed = CountsPerSecond::new(speed_cps as i32);
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();

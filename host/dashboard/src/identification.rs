@@ -1,6 +1,6 @@
 //! A running identification of a motor, and its progress and result for pages.
 
-use crate::hub::{RequestError, or_refusal};
+use crate::hub::{RequestError, or_refusal, within};
 use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::motor::Settings;
@@ -47,8 +47,10 @@ pub(crate) enum Progress {
 
 impl Identification {
     /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
-    pub(crate) fn begin(session: &mut Session, motor: u8, travel: Option<u32>) -> Result<Self, RequestError> {
-        let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
+    pub(crate) fn begin(session: &mut Session, motor: u8, travel: Option<f64>) -> Result<Self, RequestError> {
+        let most = f64::from(u32::MAX);
+        let travel = within("a travel", travel.unwrap_or(most).round(), 0.0..=most, "counts")?;
+        let identifying = Identifying::begin(session, motor, travel as u32)?;
         session.enable(motor, true)?;
         Ok(Self { motor, identifying, asked: Instant::now() })
     }

@@ -1,7 +1,7 @@
 //! Orders of pages. An order with fields is a JSON object with one key, the name of the order; its value has the
 //! fields. An order without fields is the same object with `null`, or a string with the name. Unknown or missing fields
 //! are refused with a text; a field of type `Option` may be missing. Values out of range are refused when the order is
-//! executed. A field `motor` is a motor's number, 0 to 3.
+//! executed, so numbers of users are fields of type `f64`: the executor rounds them. A field `motor` is a motor's number, 0 to 3.
 
 use crate::world::WorldOrder;
 use motor_hub::braking::DutyRule;
@@ -46,7 +46,7 @@ pub(crate) enum PageRequest {
         /// Speed limit towards a position, in counts/s; `None` for 1000 counts/s.
         speed: Option<f64>,
         /// Largest distance to a position at which a motor can settle, in counts; `None` for 10 counts.
-        tolerance: Option<u16>,
+        tolerance: Option<f64>,
         /// Behaviour at power 0 or speed 0.
         #[serde(default)]
         zero: ZeroPower,
@@ -71,11 +71,11 @@ pub(crate) enum PageRequest {
     /// Moves motors to positions in step.
     Together {
         /// Target by motor in counts; `None` for a motor that does not take part.
-        to: [Option<i32>; 4],
+        to: [Option<f64>; 4],
         /// Speed of the motor with the longest distance, in counts/s.
-        speed: u32,
+        speed: f64,
         /// Largest acceleration of any motor, in counts/s².
-        acceleration: u32,
+        acceleration: f64,
     },
     /// Sets the coefficients of a loop. From then on the motor is regulated by PID.
     Coefficients {
@@ -98,9 +98,9 @@ pub(crate) enum PageRequest {
     /// Turns motors at speeds in step, until the next request.
     Turn {
         /// Speed by motor in counts/s; `None` for a motor that does not take part.
-        at: [Option<i32>; 4],
+        at: [Option<f64>; 4],
         /// Largest acceleration of any motor, in counts/s².
-        acceleration: u32,
+        acceleration: f64,
     },
     /// Changes settings of a motor, by their names in a settings file.
     Configure {
@@ -112,13 +112,13 @@ pub(crate) enum PageRequest {
     Acceleration {
         motor: u8,
         /// Limit in counts/s²; `None` for the acceleration that the battery gives.
-        limit: Option<u32>,
+        limit: Option<f64>,
     },
     /// Identifies a motor.
     Identify {
         motor: u8,
         /// Longest travel in either direction, in counts; `None` for no limit.
-        travel: Option<u32>,
+        travel: Option<f64>,
     },
     /// Applies the result of the last identification.
     Apply { motor: u8 },
@@ -257,9 +257,9 @@ pub(crate) enum DeviceRequest {
         /// Servo output, 0 to 5.
         servo: u8,
         /// Time between the starts of two pulses, in microseconds.
-        period_us: u16,
+        period_us: f64,
         /// Length of the pulses in microseconds.
-        width_us: u16,
+        width_us: f64,
         /// True to start the pulses, false to end them; `None` sets period and width, and starts no pulses.
         on: Option<bool>,
     },

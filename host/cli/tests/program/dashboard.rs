@@ -90,7 +90,13 @@ const OUT_OF_RANGE: &str = r#"
 {"enable":{"motor":0,"on":true,"more":1}} | unknown field `more`
 {"enable":{"motor":0,"on":true}} | no target set
 {"coefficients":{"motor":0,"of":"velocity","pidf":[1e9,0,0,0]}} | a coefficient of 1000000000
-{"acceleration":{"motor":0,"limit":0}} | an acceleration is 1 to
+{"drive":{"motor":0,"mode":"velocity","value":0,"tolerance":70000}} | a tolerance of 70000 counts is out of range; allowed is 0 to 65535 counts
+{"acceleration":{"motor":0,"limit":0}} | an acceleration of 0 counts/s² is out of range; allowed is 1 to 4294967295 counts/s²
+{"acceleration":{"motor":0,"limit":-5}} | an acceleration of -5 counts/s² is out of range
+{"identify":{"motor":0,"travel":-1}} | a travel of -1 counts is out of range; allowed is 0 to 4294967295 counts
+{"together":{"to":[3e9,null,null,null],"speed":1,"acceleration":1}} | a position of 3000000000 counts is out of range
+{"turn":{"at":[null,-2e6,null,null],"acceleration":1}} | a group's speed of -2000000 counts/s is out of range
+{"device":{"servo":{"servo":0,"period_us":70000,"width_us":1500,"on":true}}} | a servo's period of 70000 us is out of range; allowed is 0 to 65535 us
 {"set-up":{"motor":0,"scheme":"E","duty":"linear-duty"}} | unknown scheme `E`
 {"set-up":{"motor":0,"name":"AM 61 A","scheme":"A","duty":"linear-duty"}} | AM 61 A
 {"apply":{"motor":0}} | not identified yet
