@@ -50,9 +50,11 @@ pub(super) struct Law {
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
     /// friction, and between these values at standstill.
     friction_side: f32,
-    /// Distance to the target in counts and estimated load in V at the last tick, if the motor holds its target position;
-    /// `None` if the motor is on its way, or has no target position.
-    held: Option<(i32, f32)>,
+    /// Distance to the target in counts at the last tick, if the motor holds its target position; `None` if the motor is
+    /// on its way, or has no target position.
+    held: Option<i8>,
+    /// Estimated load in V at the last tick of a held motor.
+    held_load_volts: f32,
 }
 
 impl Law {
@@ -73,13 +75,14 @@ impl Law {
                 .then(|| volts_per_cps(plant.drag)),
             friction_side: 0.0,
             held: None,
+            held_load_volts: 0.0,
         }
     }
 
     /// Replaces the constants. The state stays.
     pub(super) fn set_plant(&mut self, plant: &Plant, period: Period) {
-        let Self { friction_side, held, .. } = *self;
-        *self = Self { friction_side, held, ..Self::new(plant, period) };
+        let Self { friction_side, held, held_load_volts, .. } = *self;
+        *self = Self { friction_side, held, held_load_volts, ..Self::new(plant, period) };
     }
 
     /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
@@ -120,17 +123,16 @@ impl Law {
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
         if counts.unsigned_abs() <= near && (held.is_some() || w.abs() * window < 0.5) {
-            if let Some((last, load_volts)) = held
-                && last == counts
-            {
-                self.follow_static_friction(observer.load() / plant.b - load_volts, context);
+            let counts = counts as i8;
+            if held == Some(counts) {
+                self.follow_static_friction(observer.load() / plant.b - self.held_load_volts, context);
             }
             // Without samples the predicted position may leave the count, so the distance is limited.
             let distance = within(distance, near as f32 + HELD_COUNTS);
             let back = HOLDING_RATE * (distance - within(distance, HELD_COUNTS));
             let next = back + self.remaining * (w - back);
             let output = self.request(observer, plant, next, context, 0.0);
-            self.held = Some((counts, observer.load() / plant.b));
+            (self.held, self.held_load_volts) = (Some(counts), observer.load() / plant.b);
             return output;
         }
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
