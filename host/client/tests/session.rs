@@ -168,7 +168,6 @@ fn after_a_constant_current_no_earlier_target_comes_into_force() {
     assert_eq!(
         after_velocity,
         [
-            power(0),
             velocity(1_000),
             power(0),
             current(100),
@@ -176,7 +175,6 @@ fn after_a_constant_current_no_earlier_target_comes_into_force() {
             power(50),
             power(0),
             current(300),
-            power(0),
             velocity(-7)
         ]
     );
