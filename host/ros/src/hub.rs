@@ -613,7 +613,11 @@ impl Connected {
                 RunMode::Position
             }
             Setpoint::Current { .. } => {
-                self.session.set_power(motor, Control::ZERO)?;
+                // The mode of a constant current has power 0. A new target of the mode would end a running current, and
+                // the motor would brake until the next current.
+                if !sent.enabled || sent.mode != Some(RunMode::Power) {
+                    self.session.set_power(motor, Control::ZERO)?;
+                }
                 RunMode::Power
             }
         };

@@ -424,6 +424,21 @@ class Commands(WithRobot):
         self.assertAlmostEqual(self.joint("left")[1], 3.0, delta=0.3)
         self.assertAlmostEqual(self.joint("arm")[1], -1.0, delta=0.2)
 
+    def test_changing_efforts_turn_a_joint_as_a_constant_effort_does(self) -> None:
+        none = numpy.array([])
+
+        def speed(*efforts: float) -> float:
+            for each in range(100):
+                effort = numpy.array([efforts[each % len(efforts)]])
+                state = STORE.types[STATE](header(), ["left"], none, none, effort)
+                self.commander.put("/hub0/joint_commands", state, STATE)
+                time.sleep(0.02)
+            return self.joint("left")[1]
+
+        constant = speed(0.3)
+        self.assertGreater(constant, 1.0)
+        self.assertAlmostEqual(speed(0.300, 0.301), constant, delta=0.1 * constant)
+
     def test_malformed_messages_are_dropped_and_counted(self) -> None:
         good = bytes(STORE.serialize_cdr(twist(0.3, 0.0), TWIST))
         attachment = self.commander.attachment()
