@@ -14,7 +14,7 @@ What stops motors
 Motors turn only inside of a ``with hub.enabled(...)`` block. They are disabled however the block ends: at its end, by an
 exception, by Ctrl-C, by cancellation of the task. While the block runs, the event loop sends the hub's keep-alive. If the
 process is killed, or the event loop is blocked for longer than 2.5 s (by ``time.sleep``, for example), the hub disables all
-motors by itself.
+motors by itself. The next command and the block's end then raise ``HubError``.
 
 Units are encoder counts, counts/s, amperes, volts and seconds. Positive values turn a motor clockwise (CW).
 """
@@ -26,7 +26,7 @@ import dataclasses
 import os
 import tempfile
 from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -202,6 +202,8 @@ class Hub:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._enabled: set[int] = set()
+        # Motors whose blocks have not ended yet since ``stop`` was called.
+        self._stopped: set[int] = set()
         self._motors = tuple(Motor(self, number) for number in range(CHANNELS))
 
     def __getitem__(self, number: int) -> Motor:
@@ -228,6 +230,8 @@ class Hub:
 
         The block must run in an event loop, which sends the hub's keep-alive. The motors are disabled however the block
         ends.
+
+        Raises ``HubError`` at the end of the block if the hub has disabled a motor before, and ``stop`` was not called.
         """
         if not motors:
             raise ValueError("no motor is given; give each motor's number, as in hub.enabled(0, 1)")
@@ -240,15 +244,20 @@ class Hub:
             keeper = loop.create_task(self._keep_alive())
             try:
                 yield
+                self._raise_disabled(*set(motors).difference(self._stopped))
             finally:
                 keeper.cancel()
                 self._link.disable(motors)
         finally:
             self._enabled.difference_update(motors)
+            self._stopped.difference_update(motors)
 
     async def _keep_alive(self) -> None:
         while True:
-            await asyncio.to_thread(self._link.keep_alive)
+            # The hub can answer again before it disables the motors. Motors that it has disabled are an error of the next
+            # command, and of the block's end.
+            with suppress(HubError):
+                await asyncio.to_thread(self._link.keep_alive)
             await asyncio.sleep(_KEEP_ALIVE_S)
 
     async def version(self) -> str:
@@ -264,7 +273,8 @@ class Hub:
         return tuple(Reading(**fields) for fields in await asyncio.to_thread(self._link.readings))
 
     async def stop(self) -> None:
-        """Disables all motors of the hub."""
+        """Disables all motors of the hub until the end of their blocks: commands raise ``HubError``."""
+        self._stopped |= self._enabled
         await asyncio.to_thread(self._link.fail_safe)
 
     async def save(self) -> None:
@@ -287,7 +297,7 @@ class Hub:
 
         Raises ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
         """
-        self._check(*targets)
+        await self._check(*targets)
         arguments = (dict(targets), False, speed, acceleration, tolerance)
         await asyncio.to_thread(self._link.together, *arguments)
         await self._group_settled(tuple(targets), timeout, f"motors {sorted(targets)} have not settled")
@@ -303,7 +313,7 @@ class Hub:
 
     async def together_at(self, speeds: Mapping[int, int], *, acceleration: int = 2000) -> None:
         """Turns motors in step at speeds in counts/s, until another command follows."""
-        self._check(*speeds)
+        await self._check(*speeds)
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
         await asyncio.to_thread(self._link.together, *arguments)
@@ -373,11 +383,22 @@ class Hub:
         if isinstance(outcome, Exception):
             raise outcome
 
-    def _check(self, *motors: int) -> None:
-        """Raises an error for a motor that no block has enabled: the hub would accept its command, and nothing would turn."""
+    async def _check(self, *motors: int) -> None:
+        """Raises an error for a motor that is not enabled: the hub would accept its command, and nothing would turn."""
         for motor in motors:
             if self[motor].number not in self._enabled:
                 raise HubError(f"motor {motor} is not enabled; enable it by: with hub.enabled({motor}):")
+            if motor in self._stopped:
+                raise HubError(f"motor {motor} is off: stop was called; leave the block, and enable the motor again")
+        await asyncio.to_thread(self._raise_disabled, *motors)
+
+    def _raise_disabled(self, *motors: int) -> None:
+        """Raises an error for a motor that the hub has disabled."""
+        for motor in self._link.disabled(motors):
+            raise HubError(
+                f"motor {motor} is off: the hub has disabled it, because it got no packet for 2.5 s, was reset, or was "
+                "stopped by another program; leave the block, and enable the motor again"
+            )
 
     @staticmethod
     def _raise_fault(readings: tuple[Reading, ...], *motors: int) -> None:
@@ -444,7 +465,7 @@ class Base:
 
     async def _move(self, turns: bool, by: float, speed: float, acceleration: float, timeout: float | None) -> None:
         hub = self._hub
-        hub._check(*self.wheels)
+        await hub._check(*self.wheels)
         self._end = await asyncio.to_thread(hub._link.drive, self._end, turns, by, speed, acceleration)
         what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
         await hub._group_settled(self.wheels, timeout, what)
@@ -461,7 +482,7 @@ class Motor:
         return f"<motor {self.number} of hub {self._hub.address}>"
 
     async def _command(self, call: Any, *arguments: Any) -> None:
-        self._hub._check(self.number)
+        await self._hub._check(self.number)
         await asyncio.to_thread(call, self.number, *arguments)
 
     async def power(self, share: float) -> None:

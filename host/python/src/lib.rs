@@ -166,6 +166,18 @@ impl Link {
         self.run(py, |session| session.disable_all(&motors))
     }
 
+    /// Returns those of these motors that the hub has disabled.
+    fn disabled(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<Vec<i64>> {
+        let mut disabled = Vec::new();
+        for motor in motors {
+            let number = channel(motor)?;
+            if !self.run(py, |session| session.enabled(number))? {
+                disabled.push(motor);
+            }
+        }
+        Ok(disabled)
+    }
+
     /// Sets constant power as a share of full power, -1 to 1.
     fn power(&self, py: Python<'_>, motor: i64, share: f64) -> PyResult<()> {
         let motor = channel(motor)?;

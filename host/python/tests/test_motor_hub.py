@@ -164,6 +164,20 @@ class Commands(WithHub):
             await self.still(3)
             with self.assertRaisesRegex(HubError, "motor 3 does not run"):
                 await self.hub[3].settled(1)
+            for command in [
+                self.hub[3].power(0.1),
+                self.hub[3].velocity(500),
+                self.hub[3].position(500),
+                self.hub[3].current(0.5, speed=100),
+                self.hub[3].identify(),
+                self.hub.together({3: 500}),
+                self.hub.together_at({3: 500}),
+            ]:
+                with self.assertRaisesRegex(HubError, "motor 3 is off: stop was called"):
+                    await command
+        with self.hub.enabled(3):
+            await self.hub[3].velocity(500)
+            await self.hub[3].settled(5)
 
     async def test_two_hubs_are_driven_side_by_side(self) -> None:
         other = Served()
@@ -298,12 +312,27 @@ class WhatStopsMotors(WithHub):
         await self.still()
 
     async def test_the_event_loop_keeps_motors_running_and_a_blocked_one_does_not(self) -> None:
+        with self.assertRaisesRegex(HubError, "motor 0 is off: the hub has disabled it"):
+            with self.hub.enabled(0):
+                await self.hub[0].velocity(800)
+                await asyncio.sleep(3.5)
+                self.assertTrue((await self.hub[0].read()).enabled)
+                time.sleep(3.2)
+                self.assertFalse((await self.hub[0].read()).enabled)
+                with self.assertRaisesRegex(HubError, "motor 0 is off: the hub has disabled it"):
+                    await self.hub[0].velocity(800)
+
+    async def test_motors_run_on_after_a_hub_did_not_answer_in_time(self) -> None:
         with self.hub.enabled(0):
             await self.hub[0].velocity(800)
+            # Two pauses, each longer than the time-out of a request of 1 s.
+            for _ in range(2):
+                self.served.process.send_signal(signal.SIGSTOP)
+                await asyncio.sleep(1.6)
+                self.served.process.send_signal(signal.SIGCONT)
+                await asyncio.sleep(0.2)
             await asyncio.sleep(3.5)
-            self.assertTrue((await self.hub[0].read()).enabled)
-            time.sleep(3.2)
-            self.assertFalse((await self.hub[0].read()).enabled)
+            self.assertAlmostEqual((await self.hub[0].read()).velocity, 800, delta=16)
 
     async def test_a_hub_that_disappears_is_unreachable(self) -> None:
         with self.assertRaises(Unreachable):
