@@ -532,8 +532,16 @@ class Motor:
         raise HubError(f"the hub has no motor {self.number}")
 
     async def reset_encoder(self) -> None:
-        """Makes the present position 0 counts."""
-        await asyncio.to_thread(self._hub._link.reset_encoder, self.number)
+        """Makes the present position 0 counts.
+
+        Raises ``HubError`` while the motor holds or goes to a position, or moves in step with others: the hub keeps the number
+        of its target, so the motor would run to another place.
+        """
+        if not await asyncio.to_thread(self._hub._link.reset_encoder, self.number):
+            raise HubError(
+                f"motor {self.number} has a target position, which would move with the zero of its encoder; end the motion "
+                "first, by power(0) or velocity(0), or reset the encoder after the block"
+            )
 
     async def identify(self, travel: int = 2**32 - 1, *, apply: bool = False) -> Identified:
         """Finds the constants of the motor with its load, in some 3 s. The motor turns both ways.

@@ -12,9 +12,11 @@ use motor_hub_client::line::ports;
 use motor_hub_client::motor::{SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
+use motor_hub_client::motor_hub::extension::report::ReportedSetpoint;
 use motor_hub_client::motor_hub::group::{BaseSettings, DEFAULT_TOLERANCE, DriveBase, GroupCommand};
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
+use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::{Error, Session, reasons};
@@ -210,9 +212,26 @@ impl Link {
         self.set_setpoint(py, motor, Setpoint::Current { ma, speed_limit })
     }
 
-    fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<()> {
+    /// Makes the present position 0 counts. Returns false, and resets nothing, while the motor has a target position, alone
+    /// or in a group. The hub would keep the number of this target, so the motor would run to another place.
+    fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<bool> {
         let motor = channel(motor)?;
-        self.run(py, |session| session.reset_encoder(motor))
+        self.run(py, |session| {
+            session.catch_up()?;
+            let has_target = match session.report()? {
+                Some(report) => report.motors.get(usize::from(motor)).is_some_and(|motor| {
+                    matches!(motor.setpoint, ReportedSetpoint::Position(_) | ReportedSetpoint::Follow(_))
+                }),
+                None => {
+                    let state = session.motor(motor)?;
+                    state.enabled && state.mode == RunMode::Position
+                }
+            };
+            if !has_target {
+                session.reset_encoder(motor)?;
+            }
+            Ok(!has_target)
+        })
     }
 
     /// Returns the state of all motors: the fields of `Reading` for each motor.

@@ -102,6 +102,18 @@ class Commands(WithHub):
         await self.hub[0].reset_encoder()
         self.assertAlmostEqual((await self.hub[0].read()).position, 0, delta=1)
 
+    async def test_an_encoder_is_not_reset_while_its_motor_has_a_target_position(self) -> None:
+        with self.hub.enabled(0):
+            for motion in [self.hub[0].position(600), self.hub.together({0: 300})]:
+                await motion
+                with self.assertRaisesRegex(HubError, "motor 0 has a target position"):
+                    await self.hub[0].reset_encoder()
+            await self.hub[0].power(0)
+            await asyncio.sleep(0.5)
+            await self.hub[0].reset_encoder()
+            await asyncio.sleep(0.5)
+            self.assertAlmostEqual((await self.hub[0].read()).position, 0, delta=5)
+
     async def test_a_group_moves_in_step_and_settles(self) -> None:
         with self.hub.enabled(0, 1):
             await self.hub.together({0: 600, 1: -300}, timeout=10)
