@@ -267,9 +267,10 @@ impl HubThread {
             }
             Call::ResetEncoders => {
                 let mut done = Ok("all encoders are at 0".to_owned());
-                for joint in self.robot.config().joints.clone() {
-                    if let Err(error) = hub.reset_encoder(&joint) {
-                        done = Err(self.go_on_after(hub, error)?);
+                for joint in 0..self.robot.config().joints.len() {
+                    match hub.reset_encoder(joint) {
+                        Ok(()) => self.robot.note_encoder_reset(joint),
+                        Err(error) => done = Err(self.go_on_after(hub, error)?),
                     }
                 }
                 done
@@ -546,9 +547,15 @@ impl Connected {
         }
     }
 
-    fn reset_encoder(&mut self, joint: &Joint) -> Result<(), Error> {
-        self.turn_to(joint.address)?;
-        self.session.reset_encoder(joint.motor)
+    /// Makes the present position of a joint 0 counts. A joint with a target position gets speed 0 before, because the hub
+    /// keeps the number of the target: the joint would run to another place.
+    fn reset_encoder(&mut self, joint: usize) -> Result<(), Error> {
+        let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
+        if sent.enabled && sent.mode == Some(RunMode::Position) {
+            self.set(joint, Setpoint::Velocity(0))?;
+        }
+        self.turn_to(address)?;
+        self.session.reset_encoder(motor)
     }
 
     /// Makes a hub start to store its settings.

@@ -189,6 +189,17 @@ impl Robot {
         }
     }
 
+    /// Records that the present position of a joint is 0 counts now. A joint with a target position is held there until
+    /// its next command.
+    pub(crate) fn note_encoder_reset(&mut self, joint: usize) {
+        if let Some(command) = self.commands.get_mut(joint)
+            && let Some(Setpoint::Position { counts, .. }) = &mut command.setpoint
+        {
+            *counts = 0;
+            (command.is_new, command.until) = (true, None);
+        }
+    }
+
     /// Returns the set-points that the hubs do not have yet, with the index of each joint. A joint whose command is no
     /// longer valid stops. In position mode it gets its present position as target, otherwise speed 0.
     pub(crate) fn due(&mut self, now: Duration) -> Vec<(usize, Setpoint)> {
@@ -564,6 +575,27 @@ mod tests {
         robot.due(ms(0));
         robot.observe(None, report([700, 0]), None);
         assert_eq!(robot.due(ms(600)), [(0, Setpoint::Position { counts: 700, speed: 1604 })]);
+    }
+
+    #[test]
+    fn a_joint_with_a_target_position_is_held_where_it_is_when_its_encoder_is_reset() {
+        let mut robot = robot();
+        let commands = JointCommands {
+            names: vec!["left".to_owned(), "right".to_owned()],
+            positions: vec![TAU, f64::NAN],
+            velocities: vec![f64::NAN, 1.0],
+            efforts: vec![],
+        };
+        robot.joints(A, &commands, ms(0));
+        let [there, turning] = robot.due(ms(0))[..] else { panic!("two set-points") };
+        robot.observe(None, report([1680, 0]), None);
+        robot.note_encoder_reset(0);
+        robot.note_encoder_reset(1);
+        assert_eq!(robot.due(ms(10)), [(0, Setpoint::Position { counts: 0, speed: 1604 })]);
+        // No report has the new position yet when the commands end.
+        assert_eq!(robot.due(ms(500)), [(1, Setpoint::Velocity(0))]);
+        robot.joints(A, &commands, ms(600));
+        assert_eq!(robot.due(ms(600)), [there, turning]);
     }
 
     #[test]

@@ -472,6 +472,23 @@ class Services(WithRobot):
         self.assertAlmostEqual(self.joint("left")[0], 0.0, delta=0.01)
         self.assertAlmostEqual(self.newest[ODOM].pose.pose.position.x, there, delta=0.005)
 
+    def test_a_joint_that_holds_a_position_stays_where_it_is_when_encoders_are_reset(self) -> None:
+        none = numpy.array([])
+        for _ in range(120):
+            state = STORE.types[STATE](header(), ["arm"], numpy.array([4.0]), none, none)
+            self.commander.put("/hub0/joint_commands", state, STATE)
+            time.sleep(0.02)
+        self.assertAlmostEqual(self.joint("arm")[0], 4.0, delta=0.05)
+        # The first reset is within the validity of the commands, the second after their end.
+        for _ in range(2):
+            self.assertTrue(self.commander.call("reset_encoders")[0])
+            fastest, end = 0.0, time.time() + 1.0
+            while time.time() < end:
+                fastest = max(fastest, abs(self.joint("arm")[1]))
+                time.sleep(0.01)
+            self.assertLess(fastest, 0.2)
+            self.assertAlmostEqual(self.joint("arm")[0], 0.0, delta=0.02)
+
     def test_identify_finds_all_joints_and_stop_ends_it(self) -> None:
         success, message = self.commander.call("identify")
         self.assertTrue(success, message)
