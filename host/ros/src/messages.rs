@@ -76,7 +76,7 @@ fn twist(mut reader: Reader<'_>) -> Option<(f64, f64)> {
     Some((values[0], values[5]))
 }
 
-/// Commands for joints by name. An array is read as empty if its length differs from the number of names.
+/// Commands for joints by name. An array has one value for each name, or is empty.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct JointCommands {
     pub(crate) names: Vec<String>,
@@ -88,14 +88,12 @@ pub(crate) struct JointCommands {
     pub(crate) efforts: Vec<f64>,
 }
 
+/// Reads commands for joints. Returns `None` also if an array has neither one value for each name nor no value.
 pub(crate) fn read_joint_commands(message: &[u8]) -> Option<JointCommands> {
     let mut reader = after_header(message)?;
     let names = reader.sequence(5, |reader| Some(reader.text()?.to_owned()))?;
-    let mut array = || {
-        Some(
-            Some(reader.sequence(8, Reader::f64)?).filter(|all| all.len() == names.len()).unwrap_or_default(),
-        )
-    };
+    let mut array =
+        || reader.sequence(8, Reader::f64).filter(|all| all.is_empty() || all.len() == names.len());
     let (positions, velocities, efforts) = (array()?, array()?, array()?);
     reader.end()?;
     Some(JointCommands { names, positions, velocities, efforts })
@@ -334,10 +332,11 @@ mod tests {
     }
 
     #[test]
-    fn an_array_that_has_not_one_value_for_each_name_is_ignored() {
-        let commands =
-            read_joint_commands(&joint_state(AT, &["left", "right"], &[1.0], &[0.5, 0.5], &[])).unwrap();
-        assert_eq!((commands.positions, commands.velocities), (vec![], vec![0.5, 0.5]));
+    fn an_array_that_has_not_one_value_for_each_name_is_refused() {
+        for positions in [&[1.0][..], &[1.0, 2.0, 3.0]] {
+            let message = joint_state(AT, &["left", "right"], positions, &[0.5, 0.5], &[]);
+            assert_eq!(read_joint_commands(&message), None);
+        }
     }
 
     #[test]

@@ -121,6 +121,10 @@ pub(crate) struct Robot {
     odometry: Option<OdometryReport>,
     /// Forward speed in m/s and turning speed in rad/s.
     twist: (f64, f64),
+    /// Number of commands for joints that the configuration does not have.
+    unknown_joints: u64,
+    /// The name in the last of these commands.
+    last_unknown_joint: Option<String>,
 }
 
 impl Robot {
@@ -134,6 +138,8 @@ impl Robot {
             start: Pose::default(),
             odometry: None,
             twist: (0.0, 0.0),
+            unknown_joints: 0,
+            last_unknown_joint: None,
         }
     }
 
@@ -158,13 +164,16 @@ impl Robot {
 
     /// Takes commands for joints by name. A joint with a position moves to this position. The velocity, if given,
     /// limits its speed. A joint without a position turns at its velocity. A joint with an effort only gets a constant
-    /// current for this torque. Unknown names and values that are not finite numbers are ignored.
+    /// current for this torque. Values that are not finite numbers are ignored. Unknown names are ignored and counted. A
+    /// message without a command for a joint makes no commander.
     pub(crate) fn joints(&mut self, from: Source, commands: &JointCommands, now: Duration) {
-        if !self.admits(from, now) {
-            return;
-        }
+        let mut setpoints = Vec::new();
         for (index, name) in commands.names.iter().enumerate() {
-            let Some(at) = self.config.joints.iter().position(|joint| joint.name == *name) else { continue };
+            let Some(at) = self.config.joints.iter().position(|joint| joint.name == *name) else {
+                self.unknown_joints += 1;
+                self.last_unknown_joint = Some(name.clone());
+                continue;
+            };
             let value = |values: &[f64]| values.get(index).copied().filter(|value| value.is_finite());
             let setpoint = setpoint(
                 &self.config.joints[at],
@@ -172,9 +181,13 @@ impl Robot {
                 value(&commands.velocities),
                 value(&commands.efforts),
             );
-            if let Some(setpoint) = setpoint {
-                self.set(at, setpoint, now);
-            }
+            setpoints.extend(setpoint.map(|setpoint| (at, setpoint)));
+        }
+        if setpoints.is_empty() || !self.admits(from, now) {
+            return;
+        }
+        for (joint, setpoint) in setpoints {
+            self.set(joint, setpoint, now);
         }
     }
 
@@ -380,7 +393,11 @@ impl Robot {
             (.., Some(conflict)) => (Level::Warn, conflict),
             _ => (Level::Ok, "ready".to_owned()),
         };
-        let mut values = vec![("malformed messages", malformed.to_string())];
+        let mut values = vec![
+            ("malformed messages", malformed.to_string()),
+            ("commands for unknown joints", self.unknown_joints.to_string()),
+        ];
+        values.extend(self.last_unknown_joint.clone().map(|name| ("last unknown joint", name)));
         if let Some(OdometryReport { gyro, losses, .. }) = self.odometry {
             values.push(("heading", heading_text(gyro).to_owned()));
             values.push(("times the gyro was lost", losses.to_string()));
@@ -632,6 +649,22 @@ mod tests {
         assert!(robot.due(ms(5009)).iter().all(|(_, setpoint)| *setpoint == Setpoint::Velocity(0)));
         robot.twist(A, (0.1, 0.0), ms(5010));
         assert_eq!(robot.due(ms(5010)).len(), 2);
+    }
+
+    #[test]
+    fn a_message_for_unknown_joints_alone_makes_no_commander_and_is_reported() {
+        let mut robot = robot();
+        robot.observe(None, report([0, 0]), None);
+        robot.joints(A, &velocities(&["left"], &[1.0]), ms(0));
+        robot.joints(B, &velocities(&["arm", "lift"], &[1.0, 1.0]), ms(10));
+        robot.joints(A, &velocities(&["left"], &[2.0]), ms(20));
+        assert_eq!(robot.due(ms(20)), [(0, Setpoint::Velocity(535))]);
+        let hub = robot.diagnostics(0, ms(20)).remove(0);
+        assert_eq!(hub.message, "ready");
+        assert_eq!(
+            hub.values[1..],
+            [("commands for unknown joints", "2".to_owned()), ("last unknown joint", "lift".to_owned())]
+        );
     }
 
     #[test]
