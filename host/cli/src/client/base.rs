@@ -3,7 +3,7 @@
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::repeat;
-use super::together::{enable_with_power_0, run_group};
+use super::together::{enable_with_power_0, run_group, time_over};
 use crate::output::{Failure, print, print_as, print_error_line};
 use crate::parse::{number, within_a_day};
 use motor_hub::extension::base::OdometryReport;
@@ -127,8 +127,11 @@ impl Options {
                 // up.
                 let (to, wanted) = command(&base, at, part)?;
                 if !run_group(driven, &base.wheels, wanted, self.length)? {
-                    let seconds = self.length.unwrap_or_default().as_secs_f64();
-                    return Err(Failure::Work(format!("{part:?} not finished after {seconds} s")));
+                    let what = match part {
+                        Part::Straight(mm) => format!("straight={mm} not finished"),
+                        Part::Turn(degrees) => format!("turn={degrees} not finished"),
+                    };
+                    return Err(time_over(driven, &base.wheels, &what, self.length)?);
                 }
                 at = to;
                 let report = driven.odometry()?;

@@ -9,6 +9,7 @@ use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::{CountsPerSecond, EmfConstant, Millivolts, Period};
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::motor::{NO_CURRENT, Setpoint};
+use motor_hub_client::reasons::why_still;
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -61,6 +62,13 @@ pub(super) fn check_enabled(session: &mut Session, motor: u8) -> Result<(), Fail
     Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")))
 }
 
+/// Returns the end of an error message: why each motor does not turn, such as `; motor 1: stalled: the motor is driven and
+/// does not turn`. Motors without a known reason are left out.
+pub(super) fn reasons(report: Option<&HubReport>, motors: &[u8]) -> String {
+    let reason = |motor: &u8| Some(format!("; motor {motor}: {}", why_still(report?, usize::from(*motor))?));
+    motors.iter().filter_map(reason).collect()
+}
+
 /// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
 pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(), Error> {
@@ -106,6 +114,8 @@ pub(super) struct Progress<'a> {
     /// Time between two readings.
     interval: Period,
     velocities: VecDeque<(Duration, [i16; 4])>,
+    /// Last report of the hub.
+    report: Option<HubReport>,
 }
 
 impl<'a> Progress<'a> {
@@ -113,12 +123,14 @@ impl<'a> Progress<'a> {
     pub(super) fn new(motion: &'a Motion, interval: Duration) -> Self {
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
         let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
-        Self { motion, settle_detector: SettleDetector::default(), interval, velocities: VecDeque::new() }
+        let settle_detector = SettleDetector::default();
+        Self { motion, settle_detector, interval, velocities: VecDeque::new(), report: None }
     }
 
     /// Takes a reading. `at` is the time of the reading since the start. Returns true once all motors have settled at a
     /// position. `report` is `None` if the hub sends no reports.
     pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk, report: Option<&HubReport>) -> bool {
+        self.report = report.cloned();
         self.velocities.push_back((at, bulk.velocities));
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
@@ -134,21 +146,28 @@ impl<'a> Progress<'a> {
         self.settle_detector.step(within_tolerance, fastest, self.interval)
     }
 
-    /// Fails if the motors have not reached the set-point when the time is over. For a velocity the error names the
-    /// motors that missed it.
+    /// Fails if the motors have not reached the set-point when the time is over. The error names the motors that missed
+    /// a velocity, and the reasons of motors that do not turn.
     pub(super) fn judge(&self) -> Result<(), Failure> {
         let Motion { motors, setpoint, length, .. } = self.motion;
         let seconds = length.unwrap_or_default().as_secs_f64();
         match *setpoint {
             Setpoint::Power(_) | Setpoint::Current { .. } => Ok(()),
-            Setpoint::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
+            Setpoint::Position { .. } => {
+                let settled =
+                    |motor: &u8| self.report.as_ref()?.motors.get(usize::from(*motor)).map(|of| of.settled);
+                let missed: Vec<u8> = motors.iter().copied().filter(|m| settled(m) != Some(true)).collect();
+                let why = reasons(self.report.as_ref(), &missed);
+                Err(Failure::Work(format!("target not reached after {seconds} s{why}")))
+            }
             Setpoint::Velocity(wanted) => {
                 let missed: Vec<String> = motors.iter().filter_map(|m| self.missed(*m, wanted)).collect();
                 if missed.is_empty() {
                     return Ok(());
                 }
                 let missed = missed.join(", ");
-                Err(Failure::Work(format!("{wanted} counts/s not reached after {seconds} s: {missed}")))
+                let why = reasons(self.report.as_ref(), motors);
+                Err(Failure::Work(format!("{wanted} counts/s not reached after {seconds} s: {missed}{why}")))
             }
         }
     }

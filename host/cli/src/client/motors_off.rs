@@ -80,7 +80,7 @@ pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
 }
 
 /// Returns a text such as "motor 0" or "motors 0, 2".
-fn names(motors: &[u8]) -> String {
+pub(super) fn names(motors: &[u8]) -> String {
     let numbers: Vec<String> = motors.iter().map(u8::to_string).collect();
     format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
 }

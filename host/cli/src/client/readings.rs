@@ -86,17 +86,18 @@ impl Reading {
         attention.to_owned() + &if words.is_empty() { "no alerts".to_owned() } else { words.join(", ") }
     }
 
-    /// Returns the reading as one line of text.
+    /// Returns the reading as one line of text. The line says why a motor that has not settled does not turn.
     pub(crate) fn line(&self, motors: &[u8], counts_per_turn: Option<f64>) -> String {
         let motors = motors_of(&self.bulk, motors).map(|reading| {
             let MotorReading { motor, position, velocity, within_tolerance } = reading;
             let settled = self.reported(motor).map_or(within_tolerance, |of| of.settled);
-            let settled = if settled { format!(", {}", self.settled_label()) } else { String::new() };
+            let state = if settled { Some(self.settled_label()) } else { self.why(motor) };
+            let state = state.map(|state| format!(", {state}")).unwrap_or_default();
             let shaft = counts_per_turn.map(|counts_per_turn| shaft_speed(velocity, counts_per_turn));
             let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
             let values = self.reported(motor).map(MotorValues::of);
             let current = values.map(|values| format!(", {:.2} A", values.current_a)).unwrap_or_default();
-            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{settled}")
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{state}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())

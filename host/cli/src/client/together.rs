@@ -2,16 +2,16 @@
 
 use super::drive;
 use super::hub::HubOptions;
-use super::motion::warn_of;
-use super::motors_off::DrivingSession;
+use super::motion::{reasons, warn_of};
+use super::motors_off::{DrivingSession, names};
 use crate::output::{Failure, print};
 use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{DEFAULT_TOLERANCE, GroupCommand, Halt};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, CountsPerSecond};
-use motor_hub_client::Session;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
+use motor_hub_client::{Error, Session};
 use std::time::Duration;
 
 /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
@@ -75,8 +75,7 @@ impl Options {
             enable_with_power_0(session, &motors)?;
             let settled = run_group(session, &motors, wanted, self.length)?;
             if !settled && !self.on {
-                let seconds = self.length.unwrap_or_default().as_secs_f64();
-                return Err(Failure::Work(format!("targets not reached after {seconds} s")));
+                return Err(time_over(session, &motors, "targets not reached", self.length)?);
             }
             Ok(settled)
         })?;
@@ -135,7 +134,15 @@ impl Options {
     }
 }
 
+/// Longest wait for the remaining motors to stop in step after a motor has left the group. A motor at 4000 counts/s
+/// stops within this time at the default acceleration.
+const LONGEST_HALT: Duration = Duration::from_secs(2);
+
 /// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
+///
+/// # Errors
+/// A motor has left the group, by a fault or because the hub has disabled it. The other motors have then stopped in
+/// step, unless that takes longer than [`LONGEST_HALT`].
 pub(super) fn run_group(
     session: &mut Session,
     motors: &[u8],
@@ -144,14 +151,49 @@ pub(super) fn run_group(
 ) -> Result<bool, Failure> {
     let Some(&first) = motors.first() else { return Ok(false) };
     session.move_together(first, wanted)?;
-    drive::follow(session, motors, None, length, |session, reading| match session.group_state(first)? {
-        GroupState::Alone => {
-            let words = reading.status.words().join(", ");
-            let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
-            Err(Failure::Work(why))
+    let mut lost: Vec<u8> = Vec::new();
+    let mut lost_at = None;
+    let settled = drive::follow(session, motors, None, length, |session, reading| {
+        let mut moving = false;
+        lost.clear();
+        for &motor in motors {
+            match session.group_state(motor)? {
+                GroupState::Moving => moving = true,
+                GroupState::Alone => lost.push(motor),
+                GroupState::Settled => (),
+            }
         }
-        state => Ok(state == GroupState::Settled),
-    })
+        if lost.is_empty() {
+            return Ok(!moving);
+        }
+        let since = *lost_at.get_or_insert(reading.at);
+        Ok(!moving || reading.at.saturating_sub(since) > LONGEST_HALT)
+    })?;
+    if lost.is_empty() { Ok(settled) } else { Err(left_the_group(session, &lost)?) }
+}
+
+/// Returns the failure that names the motors which have left their group, and their faults. Without a fault the hub has
+/// disabled the motors, and the failure gives the hub's status.
+fn left_the_group(session: &mut Session, lost: &[u8]) -> Result<Failure, Error> {
+    let report = session.report()?;
+    let mut why = reasons(report.as_ref(), lost);
+    let mut motors = report.iter().flat_map(|report| (0..).zip(&report.motors));
+    if !motors.any(|(motor, of)| lost.contains(&motor) && of.faults.any()) {
+        why = format!("{why}; hub status: {}", session.status(false)?.words().join(", "));
+    }
+    Ok(Failure::Work(format!("{} left the group{why}", names(lost))))
+}
+
+/// Returns the failure of a group that was too slow. `what` says what the group has not done within `length`.
+pub(super) fn time_over(
+    session: &mut Session,
+    motors: &[u8],
+    what: &str,
+    length: Option<Duration>,
+) -> Result<Failure, Error> {
+    let seconds = length.unwrap_or_default().as_secs_f64();
+    let why = reasons(session.report()?.as_ref(), motors);
+    Ok(Failure::Work(format!("{what} after {seconds} s{why}")))
 }
 
 /// Enables motors with power 0, so that they brake.

@@ -1,7 +1,7 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 
 use crate::common::{
-    PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words,
+    PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words, write,
 };
 use crate::conformance::{Hub, packet};
 use crate::hub_support::{Hub as FakeHub, Server};
@@ -180,6 +180,60 @@ fn motors_move_in_step_to_their_targets() {
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]);
     fails(&late, 1, "disabled motor 0\n");
     assert!(err(&late).contains("targets not reached after 0.3 s"), "{}", err(&late));
+}
+
+/// A served hub whose motor 1 is jammed by friction as large as its stall torque.
+fn hub_with_a_jammed_motor(test: &str) -> Hub {
+    let text = "name = \"jammed\"\nduration_s = 1\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n\
+        [[motors]]\nlabel = \"good\"\nmotor = \"NeveRest 60\"\n\
+        [[motors]]\nlabel = \"jammed\"\nmotor = \"NeveRest 60\"\nfriction.coulomb_percent = 100\n";
+    Hub::served_with(&["--scenario", &write(&folder(test), "jammed.toml", text.to_owned())])
+}
+
+#[test]
+fn a_group_that_loses_any_of_its_motors_fails_and_names_the_motor_and_its_fault() {
+    let hub = hub_with_a_jammed_motor("lost-member");
+    let base = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
+    let driven = [&["drive", "straight=1000", "straight=-1000"][..], &base].concat();
+    for arguments in [
+        &["together", "0=1000", "1=1000"][..],
+        &["together", "0=1000", "1=1000", "--coast"],
+        &["together", "0=300", "1=300", "--on", "--for-s", "6"],
+        &driven,
+    ] {
+        let failed = client(&hub, arguments);
+        fails(&failed, 1, "left the group");
+        fails(&failed, 1, "; motor 1: no counts although driven: the shaft is held");
+        assert!(!err(&failed).contains("hub status"), "{}", err(&failed));
+        let shown = String::from_utf8(failed.stdout).unwrap();
+        assert!(!shown.contains("all motors settled") && !shown.contains("heading"), "{shown}");
+        // The second part of a course does not begin.
+        assert_eq!(shown.matches("0.0 s").count(), 1, "{shown}");
+    }
+    fails(
+        &client(&hub, &[&["drive", "turn=1000", "--for-s", "0.2"], &base[..]].concat()),
+        1,
+        "turn=1000 not finished after 0.2 s",
+    );
+}
+
+#[test]
+fn a_motor_that_does_not_turn_has_its_reason_in_errors_and_in_lines() {
+    let hub = hub_with_a_jammed_motor("reasons");
+    for (arguments, error) in [
+        (&["velocity", "0,1", "300", "--for-s", "2"][..], "300 counts/s not reached after 2 s: motor 1 at"),
+        (&["position", "0,1", "300", "--for-s", "2"], "target not reached after 2 s; motor 1: "),
+    ] {
+        let failed = client(&hub, arguments);
+        fails(&failed, 1, error);
+        fails(&failed, 1, "; motor 1: no counts although driven: the shaft is held");
+        assert!(!err(&failed).contains("motor 0: "), "{}", err(&failed));
+        let shown = String::from_utf8(failed.stdout).unwrap();
+        assert!(
+            shown.contains("motor 1: 0 counts, 0 counts/s, 0.00 A, no counts although driven"),
+            "{shown}"
+        );
+    }
 }
 
 #[cfg(unix)]
