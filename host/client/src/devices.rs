@@ -24,7 +24,7 @@
 use crate::clock::Instant;
 use crate::error::{none_if_unsupported, or_reason};
 use crate::{Error, Session};
-use motor_hub::board::Equipment;
+use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
@@ -106,7 +106,40 @@ pub struct Servo {
     pub enabled: bool,
 }
 
+/// Outputs that a former host has left on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LeftOutputs {
+    /// Servo outputs that had pulses.
+    pub servos: Vec<ServoOutput>,
+    /// Digital pins that were outputs. The hub does not report whether it still drove them.
+    pub pins: Vec<Pin>,
+}
+
 impl Session {
+    /// Ends the pulses of servos and makes digital outputs inputs, if a former host has left them on, and returns them.
+    /// Without this call the outputs would stay on, because every packet resets the hub's keep-alive:
+    /// see [`disable_left_enabled`](Self::disable_left_enabled). The keep-alive releases a digital output, but leaves its
+    /// direction: the function returns this pin too.
+    pub fn end_left_outputs(&mut self) -> Result<LeftOutputs, Error> {
+        let mut left = LeftOutputs::default();
+        for servo in (0..SERVOS as u8).filter_map(ServoOutput::new) {
+            // A hub with fewer servos refuses the request.
+            let Some(enabled) = none_if_unsupported(self.servo_enabled(servo))? else { break };
+            if enabled {
+                self.enable_servo(servo, false)?;
+                left.servos.push(servo);
+            }
+        }
+        for pin in (0..DIGITAL_PINS as u8).filter_map(Pin::new) {
+            // A hub refuses the request for a pin that it does not have, and may have the next one.
+            if none_if_unsupported(self.is_output(pin))? == Some(true) {
+                self.release_pin(pin)?;
+                left.pins.push(pin);
+            }
+        }
+        Ok(left)
+    }
+
     /// Numbers of servos, pins, analog inputs and I2C buses of the hub; `None` if the hub does not report them (another
     /// maker's, or older firmware).
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
@@ -118,8 +151,13 @@ impl Session {
         Ok(Servo {
             period_us: self.request(ToPin::ServoPeriod { servo })?,
             width_us: self.request(ToPin::ServoWidth { servo })?,
-            enabled: self.request(ToPin::ServoEnable { servo })?,
+            enabled: self.servo_enabled(servo)?,
         })
+    }
+
+    /// True if a servo output is enabled, so that it has pulses.
+    pub fn servo_enabled(&mut self, servo: ServoOutput) -> Result<bool, Error> {
+        self.request(ToPin::ServoEnable { servo })
     }
 
     /// Sets the time between the starts of two pulses, in microseconds.

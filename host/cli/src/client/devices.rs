@@ -7,7 +7,7 @@ use crate::output::{Failure, print, print_as};
 use crate::parse::{byte_in, whole, within_a_day};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
-use motor_hub::protocol::answers::I2cStatus;
+use motor_hub::protocol::answers::{I2cStatus, Status};
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
@@ -52,19 +52,28 @@ fn pins() -> impl Iterator<Item = Pin> {
     (0..DIGITAL_PINS as u8).filter_map(Pin::new)
 }
 
-/// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives or a request
-/// fails. The output is then released, also if the hub's answer to the request is lost, because the hub may have switched
-/// the output on.
+/// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives, a request
+/// fails, or the hub has switched the output off: `is_on` then returns false. The output is then released, also if the
+/// hub's answer to the request is lost, because the hub may have switched the output on.
 fn keep_on(
     session: &mut Session,
     line: &str,
     length: Option<Duration>,
     switch: impl Fn(&mut Session, bool) -> Result<(), Error>,
+    is_on: impl Fn(&mut Session) -> Result<bool, Error>,
 ) -> Result<(), Failure> {
+    let check = |session: &mut Session| {
+        if is_on(session)? {
+            return Ok(());
+        }
+        let words = session.status(false)?.words().join(", ");
+        Err(Failure::Work(format!("the hub has switched the output off; hub status: {words}")))
+    };
     interrupt::listen()?;
     let kept = switch(session, true).map_err(Failure::from).and_then(|()| {
         print(&format!("{line}\n"))?;
-        repeat(KEEP_ON, length, |_| Ok(session.keep_alive().map(|()| false)?))
+        repeat(KEEP_ON, length, |_| check(session).map(|()| false))?;
+        check(session)
     });
     let released = switch(session, false);
     kept?;
@@ -128,7 +137,8 @@ impl ServoOptions {
             session.set_servo_width(servo, width)?;
         }
         let line = format!("servo {}: pulses of {width} us every {} us", servo.get(), self.period);
-        keep_on(session, &line, self.length, |session, on| session.enable_servo(servo, on))
+        let switch = |session: &mut Session, on| session.enable_servo(servo, on);
+        keep_on(session, &line, self.length, switch, |session| session.servo_enabled(servo))
     }
 }
 
@@ -199,8 +209,14 @@ impl DigitalOptions {
     /// Drives a pin. Releases the pin when the duration is over, after a signal, and after an error.
     fn drive(&self, session: &mut Session, pin: Pin, high: bool) -> Result<(), Failure> {
         let line = format!("digital pin {} is {}", pin.get(), if high { "high" } else { "low" });
-        keep_on(session, &line, self.length, |session, on| {
+        // The hub does not report whether it drives an output, so its status must have no earlier event.
+        session.status(true)?;
+        let switch = |session: &mut Session, on| {
             if on { session.drive_pin(pin, high) } else { session.release_pin(pin) }
+        };
+        let released = Status::KEEP_ALIVE_TIMEOUT | Status::RESET | Status::FAIL_SAFE;
+        keep_on(session, &line, self.length, switch, |session| {
+            Ok(session.status(false)?.status & released == 0)
         })
     }
 }

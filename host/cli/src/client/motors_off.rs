@@ -1,9 +1,10 @@
 //! Disables motors that a command has enabled when the command ends: normally, by an error, by a panic or by a signal
-//! other than SIGKILL. Also disables motors that a former host has left enabled, before a command sends its own
-//! requests.
+//! other than SIGKILL. Also disables motors, servos and digital outputs that a former host has left on, before a command
+//! sends its own requests.
 
 use super::interrupt;
 use crate::output::{Failure, print_error_line};
+use motor_hub_client::devices::LeftOutputs;
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
@@ -81,8 +82,12 @@ pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
 
 /// Returns a text such as "motor 0" or "motors 0, 2".
 pub(super) fn names(motors: &[u8]) -> String {
-    let numbers: Vec<String> = motors.iter().map(u8::to_string).collect();
-    format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
+    numbered("motor", motors.iter().copied())
+}
+
+fn numbered(what: &str, numbers: impl Iterator<Item = u8>) -> String {
+    let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+    format!("{what}{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
 }
 
 impl Drop for DrivingSession<'_> {
@@ -108,11 +113,20 @@ impl DerefMut for DrivingSession<'_> {
     }
 }
 
-/// Disables motors that a former host has left enabled, and reports that.
+/// Disables motors, servos and digital outputs that a former host has left on, and reports that.
 pub(super) fn disable_left_enabled(session: &mut Session) -> Result<(), Error> {
     let found = session.disable_left_enabled()?;
     if !found.is_empty() {
         print_error_line(&format!("disabled {}, left running by another host", names(&found)));
+    }
+    let LeftOutputs { servos, pins } = session.end_left_outputs()?;
+    if !servos.is_empty() {
+        let servos = numbered("servo", servos.iter().map(|servo| servo.get()));
+        print_error_line(&format!("disabled {servos}, left running by another host"));
+    }
+    if !pins.is_empty() {
+        let pins = numbered("digital pin", pins.iter().map(|pin| pin.get()));
+        print_error_line(&format!("released {pins}, left as output by another host"));
     }
     Ok(())
 }

@@ -1,11 +1,15 @@
 //! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
 use crate::client_program::client as fake_client;
-use crate::common::{self, client, fails, folder, out, scan, wait_for, write};
+use crate::common::{self, client, err, fails, folder, out, scan, wait_for, write};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::board::{Equipment, SERVOS};
 use serde_json::{Value, json};
+#[cfg(unix)]
+use std::io::{BufRead, BufReader};
+#[cfg(unix)]
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -145,6 +149,57 @@ fn a_servo_and_an_output_are_on_while_their_commands_run() {
         fails(&client(&hub, wrong), 2, says);
     }
     assert_eq!(document(&hub, &["servo", "0"])["servos"][0]["width_us"], 0);
+}
+
+/// Starts a command that keeps an output on, and returns the process once the output is on.
+#[cfg(unix)]
+fn keeping_on(hub: &Hub, arguments: &[&str]) -> Child {
+    let mut command = Command::new(common::PROGRAM);
+    command.args(["client", "--tcp", &hub.place]).args(arguments);
+    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // The command prints one line.
+    BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut String::new()).unwrap();
+    process
+}
+
+#[cfg(unix)]
+#[test]
+fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_command() {
+    let hub = Hub::served_with(&["--wire", "4,5"]);
+    for (arguments, says) in [
+        (["servo", "1", "1500"], "disabled servo 1, left running by another host\n"),
+        (["digital", "5", "low"], "released digital pin 5, left as output by another host\n"),
+    ] {
+        let mut process = keeping_on(&hub, &arguments);
+        common::signal(process.id(), "-KILL");
+        process.wait().unwrap();
+        let asked = client(&hub, &["status"]);
+        assert_eq!(err(&asked), says);
+        assert_eq!(document(&hub, &["servo", "1"])["servos"][0]["enabled"], false);
+        // The wire to pin 5 would pull pin 4 low.
+        let pins = document(&hub, &["digital"]);
+        assert_eq!(
+            (&pins["pins"][4]["high"], &pins["pins"][5]["direction"]),
+            (&json!(true), &json!("input"))
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_command_fails_when_the_hub_has_switched_its_output_off() {
+    // One hub for each command: a hub keeps the events of its status.
+    let commands = [["servo", "1", "1500"], ["digital", "5", "low"]];
+    let hubs = commands.map(|_| Hub::served());
+    let kept = [0, 1].map(|index| keeping_on(&hubs[index], &commands[index]));
+    kept.iter().for_each(|process| common::signal(process.id(), "-STOP"));
+    // The hub's keep-alive ends after 2.5 s.
+    sleep(Duration::from_secs(3));
+    kept.iter().for_each(|process| common::signal(process.id(), "-CONT"));
+    for process in kept {
+        let output = process.wait_with_output().unwrap();
+        fails(&output, 1, "the hub has switched the output off; hub status: keep-alive timeout");
+    }
 }
 
 #[test]
