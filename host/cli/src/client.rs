@@ -194,7 +194,7 @@ impl Command {
                 }
                 session.set_address(new)?;
                 let until = settings::why_address_is_lost(session)?;
-                let until = until.map_or_else(String::new, |why| format!(" until the next reset: {why}"));
+                let until = until.map_or_else(String::new, |why| format!(" {why}"));
                 format!("the hub's address is {}{until}", new.get())
             }
         };

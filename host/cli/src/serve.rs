@@ -52,7 +52,7 @@ pub(crate) struct Options {
     /// Number of hubs in a chain, 1 to 4: the host's hub has the address of --address, and each hub behind it the next one
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole("a number of hubs", 1..=4_u8, ""))]
     hubs: u8,
-    /// File for the hub's stored settings, which outlast the program; created if it does not exist
+    /// File for the first hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Serves a board's image on an emulated chip instead of the simulated board; in the sources of this program the image

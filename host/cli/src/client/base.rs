@@ -51,7 +51,7 @@ pub(super) struct Options {
     /// Speed of the wheels in mm/s
     #[arg(long, value_name = "MM/S", default_value = "200", value_parser = positive)]
     speed_mm_per_s: f64,
-    /// Largest acceleration of the wheels in mm/s\u{b2}
+    /// Largest acceleration of the wheels in mm/s²
     #[arg(long, value_name = "MM/S2", default_value = "400", value_parser = positive)]
     acceleration_mm_per_s2: f64,
     /// Longest duration of each part in seconds [default: no limit]
@@ -119,9 +119,12 @@ impl Options {
                 driven.set_base(base)?;
             }
             await_gyro(driven)?;
-            let mut at = driven.odometry()?.counts;
+            let start = driven.odometry()?;
+            let mut at = start.counts;
             enable_with_power_0(driven, &base.wheels)?;
-            let (mut losses, mut is_implausible) = (0, false);
+            // Earlier losses are not reported again. A gyro that is still lost is reported after the first part.
+            let mut losses = if start.gyro == GyroState::Lost { 0 } else { start.losses };
+            let mut is_implausible = false;
             for part in &self.parts {
                 // Each part begins at the target positions of the part before, so that errors of the parts do not add
                 // up.

@@ -5,7 +5,9 @@ use crate::output::{Failure, print, print_json};
 use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::StoreReport;
+use motor_hub::protocol::Nack;
 use motor_hub::store::{Outcome, Stored};
+use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use motor_hub_client::{Error, Session};
 use serde_json::json;
@@ -81,7 +83,12 @@ impl Options {
             Command::Export { file } => {
                 // Only the report of the stored settings says which coefficients a host has set. A hub without this
                 // report is refused, because the file would lack these coefficients.
-                session.stored()?;
+                if session.stored_if_reported()?.is_none() {
+                    return Err(Failure::work(
+                        "export needs a hub that stores settings, because other hubs do not report which coefficients a host has set; \
+                         start a simulated hub with `serve --store FILE`",
+                    ));
+                }
                 let text = settings_file::export(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
                 std::fs::write(&file, text).map_err(|error| at(&file, error))?;
@@ -90,7 +97,13 @@ impl Options {
             Command::Import { file, save } => {
                 session.apply_settings(imported.motors, imported.base).map_err(Failure::work)?;
                 let in_force = format!("the settings of {} are in force", file.display());
-                if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
+                if save {
+                    // The settings stay in force if the hub refuses to store them.
+                    print(&format!("{in_force}\n"))?;
+                    saved(session)?
+                } else {
+                    in_force
+                }
             }
         };
         print(&format!("{done}\n"))
@@ -104,12 +117,19 @@ pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
     Ok(format!("stored: {}", stored_text(&report)))
 }
 
-/// Why a hub that stores settings does not store its new address. `None` if the hub stores the address, or if the hub
-/// stores no settings.
+/// Returns a text that says why the next reset may end the hub's new address. `None` if the hub stores the address.
 pub(super) fn why_address_is_lost(session: &mut Session) -> Result<Option<String>, Error> {
-    let report = session.stored_if_reported()?;
-    let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
-    Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))
+    Ok(match session.stored() {
+        Ok(report) => matches!(report.stored, Stored::Later | Stored::Damaged)
+            .then(|| format!("until the next reset: the memory has {}", stored_text(&report))),
+        Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => {
+            Some("until the next reset: the hub stores no settings".to_owned())
+        }
+        // A hub of another maker, or older firmware.
+        answer => none_if_unsupported(answer)?.is_none().then(|| {
+            "at least until the next reset: the hub does not report whether it stores its address".to_owned()
+        }),
+    })
 }
 
 /// Reads the settings in a file.

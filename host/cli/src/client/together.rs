@@ -36,7 +36,7 @@ pub(crate) struct Options {
     #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value_t = 2000)]
     #[arg(value_parser = whole("an acceleration", 1..=u32::MAX, "counts/s\u{b2}"))]
     acceleration: u32,
-    /// Lag in counts from which the others wait for a motor [default: its distance in 0.1 s, at least 24]
+    /// Lag in counts from which the others wait for a motor; below 24 motors may move slowly or not at all [default: its distance in 0.1 s, at least 24]
     #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
     lag: Option<u16>,

@@ -16,7 +16,7 @@ use std::time::Duration;
 /// A served hub with devices.
 fn served(test: &str, attached: &str) -> Hub {
     let text = format!(
-        "name = \"devices\"\nduration_s = 1\nbattery = {{ emf_v = 12, resistance_ohm = 0.1 }}\n\
+        "name = \"devices\"\nduration_s = 10\nbattery = {{ emf_v = 12, resistance_ohm = 0.1 }}\n\
          [attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nscheme = \"A\"\n"
     );
     let scenario = write(&folder(test), "attached.toml", text);
@@ -109,6 +109,23 @@ fn a_base_drives_by_its_gyro_and_reports_its_position() {
 }
 
 #[test]
+fn a_drive_warns_of_its_own_losses_of_the_gyro_only() {
+    let changes = "over_time = [{ at_s = 4, i2c_faults = [\"no-acknowledge\"] }, { at_s = 4.5, i2c_faults = [\"none\"] }]";
+    let motor = "[[motors]]\nlabel = \"left\"\nmotor = \"NeveRest 60\"\n";
+    let hub = served("devices-gyro-lost", &format!("{changes}\n[floor]\nslip_in_turns = 0.05\n{motor}"));
+    out(&client(&hub, &[&["drive", "turn=5", "--use-gyro"], &BASE[..]].concat()));
+    wait_for("a gyro that is good again", || {
+        let at = document(&hub, &["odometry"]);
+        (at["gyro_losses"] == 1 && at["gyro"] == "good").then_some(())
+    });
+    let driven = client(&hub, &["drive", "turn=5"]);
+    assert_eq!(
+        (out(&driven).contains("by the gyro, gyro lost 1 times"), err(&driven)),
+        (true, String::new())
+    );
+}
+
+#[test]
 fn analog_inputs_pins_and_buses_change_while_a_hub_is_served() {
     let changes = "over_time = [{ at_s = 0.6, analog_v = [0.5, 2.5], low_pins = [1], i2c_faults = [\"no-acknowledge\"] }]";
     let hub = served("devices-over-time", &format!("analog_v = [1.25]\nlow_pins = [3]\n{changes}"));
@@ -189,7 +206,7 @@ fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_comman
 #[test]
 fn a_command_fails_when_the_hub_has_switched_its_output_off() {
     // One hub for each command: a hub keeps the events of its status.
-    let commands = [["servo", "1", "1500"], ["digital", "5", "low"]];
+    let commands = [["servo", "1", "1500", "--for-s", "10"], ["digital", "5", "low", "--for-s", "10"]];
     let hubs = commands.map(|_| Hub::served());
     let kept = [0, 1].map(|index| keeping_on(&hubs[index], &commands[index]));
     kept.iter().for_each(|process| common::signal(process.id(), "-STOP"));

@@ -187,7 +187,7 @@ fn hub_with_a_jammed_motor(test: &str) -> Hub {
     let text = "name = \"jammed\"\nduration_s = 1\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n\
         [[motors]]\nlabel = \"good\"\nmotor = \"NeveRest 60\"\n\
         [[motors]]\nlabel = \"jammed\"\nmotor = \"NeveRest 60\"\nfriction.coulomb_percent = 100\n";
-    Hub::served_with(&["--scenario", &write(&folder(test), "jammed.toml", text.to_owned())])
+    Hub::served_with(&["--scenario", &write(&folder(test), "jammed.toml", text)])
 }
 
 #[test]

@@ -156,9 +156,18 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
 #[test]
 fn commands_for_stored_settings_fail_at_a_hub_without_a_store() {
     let hub = Hub::served();
-    for what in ["show", "save", "load", "reset", "export"] {
+    let file = format!("{}.toml", store("settings-none"));
+    let with_store = served(&store("settings-of-another"));
+    settings(&with_store, &["export", &file]);
+    for what in ["show", "save", "load", "reset"] {
         fails(&client(&hub, &["settings", what]), 1, "this hub does not have it");
     }
+    fails(&client(&hub, &["settings", "export"]), 1, "export needs a hub that stores settings");
+    let imported = client(&hub, &["settings", "import", &file, "--save"]);
+    fails(&imported, 1, "this hub does not have it");
+    assert_eq!(String::from_utf8_lossy(&imported.stdout), format!("the settings of {file} are in force\n"));
+    let said = out(&client(&hub, &["set-address", "9"]));
+    assert_eq!(said, "the hub's address is 9 until the next reset: the hub stores no settings\n");
 }
 
 #[test]
