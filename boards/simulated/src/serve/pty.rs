@@ -28,6 +28,9 @@ pub(super) struct Pty {
     shut: bool,
     /// True if bytes may be left from before the port was closed.
     backlog: bool,
+    /// True if unread replies fill the port, so that the last reply could not be sent.
+    #[cfg(target_os = "linux")]
+    blocked: bool,
     /// Notifications of opening and closing the port; `None` if the system has none.
     #[cfg(target_os = "linux")]
     notifications: Option<OwnedFd>,
@@ -55,12 +58,17 @@ impl Pty {
             last_byte: None,
             shut: false,
             backlog: false,
+            #[cfg(target_os = "linux")]
+            blocked: false,
         })
     }
 
-    /// Discards replies that a host left unread when it closed the port. A host that shares the port with another host
-    /// may miss a reply. Systems other than Linux keep the replies.
-    fn discard_unread_replies(&mut self) {
+    /// Checks whether a host has opened or closed the port since the last check. If so, discards replies that a host
+    /// left unread, and returns true. A host that shares the port with another host may miss a reply. Systems other
+    /// than Linux keep the replies.
+    ///
+    /// If the port was blocked, unread requests are discarded too: they are as old as the replies that nobody has read.
+    fn note_opened_or_closed(&mut self) -> bool {
         #[cfg(target_os = "linux")]
         if let Some(notifications) = &self.notifications {
             // Several notifications may come together; only the last one counts.
@@ -71,17 +79,22 @@ impl Pty {
                 last = Some(event.events());
             }
             if let Some(last) = last {
-                let _ = termios::tcflush(&self.theirs, termios::QueueSelector::IFlush);
+                discard(&self.ours, &self.theirs);
+                if self.blocked {
+                    discard(&self.theirs, &self.ours);
+                }
                 self.shut = !last.contains(inotify::ReadFlags::OPEN);
-                self.backlog = self.shut;
+                (self.backlog, self.blocked) = (self.shut, false);
+                return true;
             }
         }
+        false
     }
 }
 
 impl HostLine for Pty {
     fn receive(&mut self, bytes: &mut [u8]) -> usize {
-        self.discard_unread_replies();
+        self.note_opened_or_closed();
         // A host that was killed while it had exclusive use of the port would lock out the next host.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
         let received = rustix::io::read(&self.ours, bytes).unwrap_or(0);
@@ -103,15 +116,29 @@ impl HostLine for Pty {
     }
 
     fn send(&mut self, bytes: &[u8]) -> usize {
-        if self.shut {
+        // After a change the reply is dropped: its host has gone, or its first bytes were discarded.
+        if self.note_opened_or_closed() || self.shut {
             return bytes.len();
         }
-        rustix::io::write(&self.ours, bytes).unwrap_or(0)
+        let sent = rustix::io::write(&self.ours, bytes).unwrap_or(0);
+        #[cfg(target_os = "linux")]
+        {
+            self.blocked = sent == 0;
+        }
+        sent
     }
 
     fn address(&self) -> String {
         self.path.clone()
     }
+}
+
+/// Discards the bytes that one end of the terminal has sent and the other end has not read. The system keeps a part of
+/// them at each end.
+#[cfg(target_os = "linux")]
+fn discard(from: &OwnedFd, to: &OwnedFd) {
+    let _ = termios::tcflush(from, termios::QueueSelector::OFlush);
+    let _ = termios::tcflush(to, termios::QueueSelector::IFlush);
 }
 
 #[cfg(target_os = "linux")]

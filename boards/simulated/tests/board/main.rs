@@ -20,6 +20,7 @@ mod files;
 mod heading;
 mod host;
 mod interventions;
+mod lines;
 mod runs;
 mod scenarios;
 mod wires;

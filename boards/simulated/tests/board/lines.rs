@@ -1,0 +1,57 @@
+//! Lines between a served hub and hosts that do not read their replies.
+
+use simulated::serve::Line;
+use std::io::{Read, Write};
+use std::time::{Duration, Instant};
+
+/// Sends until the line takes no more bytes.
+fn fill(line: &mut Line) {
+    let end = Instant::now() + Duration::from_secs(10);
+    let mut full_since = None;
+    // The system moves bytes from one buffer to the next, so a full line may take more bytes a moment later.
+    while full_since.is_none_or(|since: Instant| since.elapsed() < Duration::from_millis(50)) {
+        assert!(Instant::now() < end, "a host that reads nothing leaves the line free");
+        if line.send(&[0x5A; 4096]) > 0 {
+            full_since = None;
+        } else {
+            full_since.get_or_insert_with(Instant::now);
+        }
+    }
+}
+
+/// Receives until nothing has come for 50 ms.
+fn received(line: &mut Line) -> Vec<u8> {
+    let (mut received, mut last, mut bytes) = (Vec::new(), Instant::now(), [0; 4096]);
+    while last.elapsed() < Duration::from_millis(50) {
+        let length = line.receive(&mut bytes);
+        if length > 0 {
+            received.extend(&bytes[..length]);
+            last = Instant::now();
+        }
+    }
+    received
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_host_that_closes_a_full_port_leaves_no_replies_and_no_requests() {
+    let mut line = Line::pty().unwrap();
+    let path = line.to_string();
+    let open = || std::fs::File::options().read(true).write(true).open(&path).unwrap();
+    let mut host = open();
+    host.write_all(b"first").unwrap();
+    assert_eq!(received(&mut line), b"first");
+    fill(&mut line);
+    host.write_all(b"old").unwrap();
+    drop(host);
+    assert_eq!(line.send(b"reply"), 5, "a reply to a host that has gone is dropped");
+    assert_eq!(received(&mut line), b"");
+    let mut next = open();
+    assert_eq!(received(&mut line), b"");
+    next.write_all(b"new").unwrap();
+    assert_eq!(received(&mut line), b"new");
+    assert_eq!(line.send(b"answer"), 6);
+    let mut bytes = [0; 64];
+    let length = next.read(&mut bytes).unwrap();
+    assert_eq!(&bytes[..length], b"answer");
+}
