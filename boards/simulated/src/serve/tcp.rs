@@ -128,10 +128,20 @@ impl HostLine for Tcp {
 
     fn send(&mut self, bytes: &[u8]) -> usize {
         let Some(stream) = self.host.as_mut().filter(|_| !self.takes_no_replies) else { return bytes.len() };
-        moved(stream.write(bytes)).unwrap_or_else(|| {
-            self.takes_no_replies = true;
-            bytes.len()
-        })
+        match moved(stream.write(bytes)) {
+            // The host leaves replies unread. The hub receives nothing until this reply is sent, so a host that is
+            // silent must give way here.
+            Some(0) => {
+                self.fill_inbox();
+                self.look_for_another();
+                0
+            }
+            Some(sent) => sent,
+            None => {
+                self.takes_no_replies = true;
+                bytes.len()
+            }
+        }
     }
 
     fn is_taken(&self) -> bool {

@@ -2,6 +2,8 @@
 
 use simulated::serve::Line;
 use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// Sends until the line takes no more bytes.
@@ -48,6 +50,37 @@ fn a_host_that_closes_a_full_port_leaves_no_replies_and_no_requests() {
     assert_eq!(received(&mut line), b"");
     let mut next = open();
     assert_eq!(received(&mut line), b"");
+    next.write_all(b"new").unwrap();
+    assert_eq!(received(&mut line), b"new");
+    assert_eq!(line.send(b"answer"), 6);
+    let mut bytes = [0; 64];
+    let length = next.read(&mut bytes).unwrap();
+    assert_eq!(&bytes[..length], b"answer");
+}
+
+#[test]
+fn a_silent_host_with_unread_replies_gives_way_to_another() {
+    let mut line = Line::tcp("127.0.0.1:0").unwrap();
+    let mut silent = TcpStream::connect(line.to_string()).unwrap();
+    silent.write_all(b"first").unwrap();
+    assert_eq!(received(&mut line), b"first");
+    fill(&mut line);
+    let second = TcpStream::connect(line.to_string()).unwrap();
+    // The first host is not silent yet, so the second host is disconnected.
+    let rejected = Instant::now() + Duration::from_secs(2);
+    while line.rejected_hosts() == 0 {
+        assert!(Instant::now() < rejected, "the second host is not disconnected");
+        line.send(b"reply");
+    }
+    drop(second);
+    silent.write_all(b"old").unwrap();
+    line.send(b"reply");
+    sleep(Duration::from_millis(5100));
+    let mut next = TcpStream::connect(line.to_string()).unwrap();
+    let replaced = Instant::now() + Duration::from_secs(2);
+    while line.send(b"reply") == 0 {
+        assert!(Instant::now() < replaced, "the hub still serves the silent host");
+    }
     next.write_all(b"new").unwrap();
     assert_eq!(received(&mut line), b"new");
     assert_eq!(line.send(b"answer"), 6);
