@@ -183,6 +183,53 @@ impl Bno055 {
     }
 }
 
+/// The register at which a host's next read of the sensor begins: the register that the host has written last (data
+/// sheet, section 4.6). The driver writes other registers in between.
+///
+/// ```
+/// use motor_hub::devices::I2cTransfer;
+/// use motor_hub::devices::bno055::HostRegister;
+///
+/// let transfer = |write: &[u8], read| {
+///     I2cTransfer { address: 0x28, fast: false, write: write.iter().copied().collect(), read }
+/// };
+/// let mut register = HostRegister::default();
+/// register.prepare(transfer(&[0x1A], 0));
+/// assert_eq!(register.prepare(transfer(&[], 6)), transfer(&[], 6));
+/// register.note_driver_access();
+/// assert_eq!(register.prepare(transfer(&[], 6)), transfer(&[0x1A], 6));
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HostRegister {
+    /// Register of the host's last write. 0 before the first write, as in the sensor.
+    register: u8,
+    /// True if the driver has accessed the sensor since the host's last write.
+    is_moved: bool,
+}
+
+impl HostRegister {
+    /// Notes an access of the driver.
+    pub const fn note_driver_access(&mut self) {
+        self.is_moved = true;
+    }
+
+    /// Returns a transfer of the host as the bus shall run it. If the driver has accessed the sensor, a read without a
+    /// write first writes the host's register. A transfer with another device is unchanged.
+    #[must_use]
+    pub fn prepare(&mut self, mut transfer: I2cTransfer) -> I2cTransfer {
+        if transfer.address != ADDRESS {
+            return transfer;
+        }
+        if let Some(register) = transfer.write.first() {
+            *self = Self { register: *register, is_moved: false };
+        } else if self.is_moved {
+            // An empty write has room for a byte.
+            let _ = transfer.write.push(self.register);
+        }
+        transfer
+    }
+}
+
 /// Returns a transfer with the sensor, which reads `read` bytes after the write. Each write of this driver fits into a
 /// transfer.
 fn transfer(write: &[u8], read: u8) -> Option<I2cTransfer> {

@@ -4,11 +4,12 @@
 //! also on a bus with a stuck line. After a time-out or an error of the bus the task frees the bus before it returns
 //! the result.
 //!
-//! On bus [`GYRO_BUS`] the task also reads the gyro of a drive base, between the transfers of the host.
+//! On bus [`GYRO_BUS`] the task also reads the gyro of a drive base, between the transfers of the host. A host may write
+//! the number of a register and read later: see [`HostRegister`].
 
 use super::{Wires, micros};
 use crate::board::I2cBus;
-use crate::devices::bno055::Bno055;
+use crate::devices::bno055::{Bno055, HostRegister};
 use crate::devices::{I2C_BYTES, I2cTransfer};
 use crate::hub::GyroReading;
 use crate::protocol::answers::{I2cRead, I2cStatus};
@@ -38,6 +39,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usiz
     // A reset of the hub may have interrupted a transfer.
     bus.recover().await;
     let (mut sensor, mut due) = (Bno055::default(), Instant::now());
+    let mut host_register = HostRegister::default();
     loop {
         let reading = async {
             match number {
@@ -47,12 +49,13 @@ pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usiz
         };
         match select(channel.request.wait(), reading).await {
             Either::First(transfer) => {
+                let transfer = host_register.prepare(transfer);
                 let result = transfer_on(&mut bus, &transfer).await;
                 channel.done.signal(result);
             }
             Either::Second(()) => {
                 let interval = if wires.gyro_wanted.lock(Cell::get) { GYRO_INTERVAL } else { IDLE_INTERVAL };
-                read_gyro(&mut bus, &mut sensor, wires).await;
+                read_gyro(&mut bus, &mut sensor, &mut host_register, wires).await;
                 due = Instant::now().max(due + interval);
             }
         }
@@ -63,6 +66,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usiz
 async fn read_gyro<M: RawMutex, const N: usize>(
     bus: &mut impl I2cBus,
     sensor: &mut Bno055,
+    host_register: &mut HostRegister,
     wires: &Wires<M, N>,
 ) {
     if !wires.gyro_wanted.lock(Cell::get) {
@@ -72,6 +76,7 @@ async fn read_gyro<M: RawMutex, const N: usize>(
     }
     let now = || micros(Instant::now());
     let Some(transfer) = sensor.next(now()) else { return };
+    host_register.note_driver_access();
     let I2cRead { status, bytes } = transfer_on(bus, &transfer).await;
     let answer = (status == I2cStatus::default()).then_some(bytes.as_slice());
     match sensor.receive(now(), answer) {

@@ -89,6 +89,7 @@ impl Peer for RegisterDevice {
             let now = context.now().0;
             sensor.run(now.saturating_sub(*until) as f64 / 1e9, 0.0, 0.0);
             *until = now;
+            sensor.start();
             answers &= sensor.answers();
         }
         answers && address == self.address

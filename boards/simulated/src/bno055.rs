@@ -74,7 +74,9 @@ pub struct Bno055 {
     /// Registers of both pages that are stored as written.
     stored: [[u8; 128]; 2],
     page: usize,
-    /// Register that is read or written next.
+    /// Register of the last write, at which the next transfer begins to read.
+    first: u8,
+    /// Register that is read next.
     next: u8,
     /// Mode in force. The mode in `stored` is the requested one.
     mode: u8,
@@ -101,6 +103,7 @@ impl Default for Bno055 {
             errors: GyroErrors::default(),
             stored,
             page: 0,
+            first: 0,
             next: 0,
             mode: CONFIGURATION,
             mode_at_s: 0.0,
@@ -134,18 +137,26 @@ impl Bno055 {
         self.now_s >= self.answers_at_s
     }
 
+    /// Begins a transfer, as a start condition on the bus does. The transfer reads from the register of the last write
+    /// on (data sheet, section 4.6).
+    pub const fn start(&mut self) {
+        self.next = self.first;
+    }
+
     /// Writes bytes. The first byte is the number of a register. The next bytes are written to this register and to the
     /// registers after it.
     pub fn write(&mut self, bytes: &[u8]) {
         let Some((register, contents)) = bytes.split_first() else { return };
-        self.next = register & 0x7F;
+        self.first = register & 0x7F;
+        let mut register = self.first;
         for byte in contents {
-            self.store(self.next, *byte);
-            self.next = (self.next + 1) & 0x7F;
+            self.store(register, *byte);
+            register = (register + 1) & 0x7F;
         }
+        self.start();
     }
 
-    /// Reads registers. The first register is the one after the last register that was read or written.
+    /// Reads registers. The first register is the one after the last register that was read in the same transfer.
     pub fn read(&mut self, bytes: &mut [u8]) {
         let measured = self.measured();
         for byte in bytes {

@@ -102,7 +102,10 @@ impl I2cDevices {
             match (bus, address, operation) {
                 (0, IMU_ADDRESS, _) if !self.imu.answers() => return NO_DEVICE,
                 (0, IMU_ADDRESS, Operation::Write(bytes)) => self.imu.write(bytes),
-                (0, IMU_ADDRESS, Operation::Read(bytes)) => self.imu.read(bytes),
+                (0, IMU_ADDRESS, Operation::Read(bytes)) => {
+                    self.imu.start();
+                    self.imu.read(bytes);
+                }
                 (1, MEMORY_ADDRESS, Operation::Write(bytes)) => {
                     for (index, byte) in bytes.iter().enumerate() {
                         if index == 0 {

@@ -1,8 +1,15 @@
 //! A drive base that holds the heading of its gyro, on the simulated ground, with faults of the gyro's bus.
 
+use crate::host::Served;
 use crate::run_tasks;
-use motor_hub::group::GyroState;
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::base::OdometryReport;
+use motor_hub::group::{BaseSettings, GyroState};
+use motor_hub::protocol::answers::I2cRead;
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, ToPin};
+use simulated::i2c::IMU_ADDRESS;
 use simulated::scenario::Scenario;
+use simulated::serve::interventions::Interventions;
 use simulated::trace::Trace;
 
 /// A base that turns by 90 degrees at 3 s, at 6 s and at 10 s, on a floor on which it loses 5 % of each turn.
@@ -77,5 +84,43 @@ fn faults_of_the_gyros_bus_stop_neither_motors_nor_ticks() {
         assert_eq!(losses, Some(is_lost.into()), "{fault}");
         assert_eq!(trace.ticks.len(), 259, "{fault}: no tick is left out");
         assert!(trace.ticks.iter().all(|tick| !tick.motors[0].report.faults.any()), "{fault}");
+    }
+}
+
+#[test]
+fn a_host_reads_the_register_that_it_has_written_whenever_the_hub_reads_the_gyro() {
+    let mut hub = Served::new(Scenario::to_serve(), &[2], |_| Interventions::default());
+    let base = BaseSettings {
+        wheels: [0, 1],
+        wheel_diameter_um: 90_000,
+        track_um: 300_000,
+        counts_per_turn_thousandths: [1_680_000; 2],
+        use_gyro: true,
+    };
+    assert!(hub.obeys(HubFunction::SetBase { base }, 2));
+    hub.pass(1_000);
+    let bus = I2cBus::new(0).expect("a bus");
+    let address = I2cAddress::new(IMU_ADDRESS).expect("an address");
+    let read = |hub: &mut Served, count| {
+        let count = I2cCount::new(count).expect("1 to 100");
+        assert!(hub.obeys(ToPin::ReadI2c { bus, address, count }, 2));
+        hub.pass(5);
+        let I2cRead { bytes, .. } = hub.value(ToPin::PollI2cRead { bus }, 2);
+        bytes.to_vec()
+    };
+    // The sensor begins a read at the register of the last write (data sheet 1.4, section 4.6).
+    for (register, expected) in [(0x00, [0xA0, 0xFB]), (0x01, [0xFB, 0x32])] {
+        for pause_ms in 0..25 {
+            assert!(hub.obeys(ToPin::WriteI2cByte { bus, address, byte: register }, 2));
+            hub.pass(pause_ms);
+            assert_eq!([read(&mut hub, 2), read(&mut hub, 2)], [expected; 2], "after {pause_ms} ms");
+        }
+    }
+    // The hub reads its angles, also if the host never reads what it has chosen.
+    assert!(hub.obeys(ToPin::WriteI2cByte { bus, address, byte: 0x08 }, 2));
+    for _ in 0..20 {
+        hub.pass(50);
+        let state: OdometryReport = hub.value(HubFunction::Odometry, 2);
+        assert_eq!((state.gyro, state.losses), (GyroState::Good, 0));
     }
 }
