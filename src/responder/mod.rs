@@ -262,7 +262,10 @@ impl<const N: usize> Responder<N> {
     /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the
     /// timer runs out, the hub goes to fail-safe. A low battery disables all servo outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
-        self.keep_alive.battery(snapshot.battery_low());
+        // While the voltage is unknown, such as below 5 V, a low battery stays low.
+        if snapshot.battery.is_some() {
+            self.keep_alive.battery(snapshot.battery_low());
+        }
         self.awaited.take_if(|number| snapshot.includes(*number));
         self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.newest_command));
         self.base_awaited.take_if(|number| snapshot.includes(*number));

@@ -207,6 +207,30 @@ fn a_bus_voltage_above_the_largest_operating_voltage_is_no_low_battery_and_ends_
 }
 
 #[test]
+fn a_low_battery_stays_low_while_its_voltage_is_unknown_and_one_that_was_good_does_not_become_low() {
+    let mut host = TestHost::settled();
+    let is_low = |host: &mut TestHost, millivolts, stage| {
+        host.set_battery(millivolts, stage);
+        host.responder.tick(host.now, &host.snapshot);
+        host.ask(0x7F03, &[1]);
+        host.ask(0x7F03, &[0]).data()[0] & Status::BATTERY_LOW != 0
+    };
+    for (millivolts, stage, expected) in [
+        (None, DrawStage::Cutoff, false),
+        (Some(12_000), DrawStage::Full, false),
+        (None, DrawStage::Cutoff, false),
+        (Some(5_900), DrawStage::Cutoff, true),
+        // Below 5 V the voltage is unknown.
+        (None, DrawStage::Cutoff, true),
+        (Some(6_900), DrawStage::Derated, true),
+        (None, DrawStage::Cutoff, true),
+        (Some(12_000), DrawStage::Full, false),
+    ] {
+        assert_eq!(is_low(&mut host, millivolts, stage), expected, "{millivolts:?} mV");
+    }
+}
+
+#[test]
 fn an_analog_input_without_a_reading_is_refused_and_reads_0_in_bulk() {
     let mut host = TestHost::settled();
     let input = Some(AnalogReading { voltage: Millivolts::new(1_234), counts: 1_531 });
