@@ -123,6 +123,7 @@ impl Link {
             let mut session = Session::open(place)
                 .map_err(|error| Unreachable::new_err(format!("cannot open {place}: {error}")))?;
             let left_running = session.disable_left_enabled().map_err(Failure)?;
+            session.end_left_outputs().map_err(Failure)?;
             Ok(Self { session: Mutex::new(session), left_running })
         })
     }
