@@ -43,9 +43,9 @@
 //!   the expected distance is reached without a motion, the encoder is stuck. If the motor cannot reach the expected
 //!   distance in the longest probe, as on a low battery or with a current limit, the motor counts as stalled too.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
-//!   direction changes, or when a host sets a set-point that is not regulated. The stall also ends when the motor has
-//!   turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the bridge for some
-//!   ticks does not end a stall. A stalled motor can run away too, and is stalled again after the runaway.
+//!   direction changes, when the motor should stand, or when a host sets a set-point that is not regulated. It also ends
+//!   when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the
+//!   bridge for some ticks does not end a stall. A stalled motor can run away too, and is stalled again after the runaway.
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Nevertheless the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
@@ -456,7 +456,8 @@ impl Stall {
 }
 
 impl Stall {
-    /// Executes a tick of Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
+    /// Executes a tick of Stalled. Ends the stall if the motor is free or should stand, or if the requested direction has
+    /// changed.
     fn step(mut self, tick: &Tick<'_>) -> State {
         let moved = tick.regulator.position().wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
