@@ -34,6 +34,16 @@ fn received(line: &mut Line) -> Vec<u8> {
     received
 }
 
+/// Checks that the hub receives what the host sends, and the host what the hub answers.
+fn assert_conversation(line: &mut Line, host: &mut (impl Read + Write)) {
+    host.write_all(b"new").unwrap();
+    assert_eq!(received(line), b"new");
+    assert_eq!(line.send(b"answer"), 6);
+    let mut bytes = [0; 64];
+    let length = host.read(&mut bytes).unwrap();
+    assert_eq!(&bytes[..length], b"answer");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_host_that_closes_a_full_port_leaves_no_replies_and_no_requests() {
@@ -50,12 +60,7 @@ fn a_host_that_closes_a_full_port_leaves_no_replies_and_no_requests() {
     assert_eq!(received(&mut line), b"");
     let mut next = open();
     assert_eq!(received(&mut line), b"");
-    next.write_all(b"new").unwrap();
-    assert_eq!(received(&mut line), b"new");
-    assert_eq!(line.send(b"answer"), 6);
-    let mut bytes = [0; 64];
-    let length = next.read(&mut bytes).unwrap();
-    assert_eq!(&bytes[..length], b"answer");
+    assert_conversation(&mut line, &mut next);
 }
 
 #[test]
@@ -81,10 +86,5 @@ fn a_silent_host_with_unread_replies_gives_way_to_another() {
     while line.send(b"reply") == 0 {
         assert!(Instant::now() < replaced, "the hub still serves the silent host");
     }
-    next.write_all(b"new").unwrap();
-    assert_eq!(received(&mut line), b"new");
-    assert_eq!(line.send(b"answer"), 6);
-    let mut bytes = [0; 64];
-    let length = next.read(&mut bytes).unwrap();
-    assert_eq!(&bytes[..length], b"answer");
+    assert_conversation(&mut line, &mut next);
 }
