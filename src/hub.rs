@@ -227,23 +227,17 @@ impl<const N: usize> Hub<N> {
                 motors.get_mut(motor).ok_or(RangeError::Motor)?.configure(settings);
             }
             Command::MoveGroup(group) => groups.command(group, motors)?,
-            Command::SetBase(None) => {
-                if let Some(base) = self.base.take() {
-                    groups.release_and_stop(base.wheels(), motors);
-                }
-            }
-            Command::SetBase(Some(settings)) => {
-                let [left, right] = settings.wheels;
-                if left == right || settings.wheels.iter().any(|wheel| usize::from(*wheel) >= N) {
+            Command::SetBase(settings) => {
+                if let Some(BaseSettings { wheels: [left, right], .. }) = settings
+                    && (left == right || usize::from(left.max(right)) >= N)
+                {
                     return Err(RangeError::Motor);
                 }
                 // Without the replaced base the positions of its wheels would jump.
-                if let Some(replaced) = self.base.take() {
-                    groups.release_and_stop(replaced.wheels(), motors);
+                let replaced = core::mem::replace(&mut self.base, settings.map(Base::new));
+                for base in [&replaced, &self.base].into_iter().flatten() {
+                    groups.release_and_stop(base.wheels(), motors);
                 }
-                let base = Base::new(settings);
-                groups.release_and_stop(base.wheels(), motors);
-                self.base = Some(base);
             }
         }
         Ok(())

@@ -152,9 +152,8 @@ impl<const N: usize> Groups<N> {
                     *state = ActiveGroup::Moving { group, started_with, settle_detector };
                 } else {
                     // The course has replaced the set-points that the members had.
-                    for (motor, _) in motors.iter_mut().zip(members).filter(|(_, member)| *member) {
-                        motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
-                    }
+                    members_of(&members, motors)
+                        .for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
                 }
             }
             let ActiveGroup::Moving { group, started_with, .. } = state else { continue };
@@ -236,7 +235,7 @@ fn halt_group<const N: usize>(group: &mut Group<N>, halt: Halt, motors: &mut [Mo
 
 /// Iterates over the motors that are members of a group.
 fn members_of<'a, const N: usize>(
-    members: &'a [bool; N],
+    members: &'a [bool],
     motors: &'a mut [Motor; N],
 ) -> impl Iterator<Item = &'a mut Motor> {
     motors.iter_mut().zip(members).filter_map(|(motor, member)| member.then_some(motor))

@@ -13,8 +13,9 @@
 //! ```
 //!
 //! The detector counts the changes of this level at which the current has swung far enough. Changes count only while
-//! the speed is near its set-point, the set-point is constant, and no burn pulses replace the requested current. Old swings lose weight with every tick. With a wrong
-//! load, inertia or resistance the current swings less, or stops swinging after some time.
+//! the speed is near its set-point, the set-point is constant, and no burn pulses replace the requested current. Old
+//! swings lose weight with every tick. With a wrong load, inertia or resistance the current swings less, or stops
+//! swinging after some time.
 
 use super::Context;
 use super::stream::Target;

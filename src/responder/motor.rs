@@ -14,9 +14,10 @@
 //! ```
 //!
 //! *Reset encoder* also takes a motor out of a group. *Set enable* changes nothing of an enabled motor, because hosts
-//! repeat it. An *override* is an identification or a constant current. If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`].
-//! If the host is silent, the setting [`OnFault`] decides: with [`OnFault::Coast`] the release is
-//! [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
+//! repeat it. An *override* is an identification or a constant current. If a host disables the motor, also by its
+//! request *fail-safe*, the release is [`Setpoint::Disabled`]. If the host is silent, the setting [`OnFault`] decides:
+//! with [`OnFault::Coast`] the release is [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is
+//! [`Setpoint::FailSafe`].
 
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Command;
