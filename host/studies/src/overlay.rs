@@ -13,8 +13,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::measures::{Measures, Response, rms};
-use crate::{Lines, table};
+use crate::Lines;
+use crate::measures::{Measures, rms};
+use crate::report::tables::side_by_side;
 use chart::{Figure, Panel, Style, colour};
 use simulated::scenario::Scenario;
 use simulated::trace::{Sample, Trace};
@@ -77,25 +78,9 @@ impl Overlay {
     pub fn tables(&self) -> String {
         let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
         for (index, (motor, apart)) in self.scenario.motors.iter().zip(self.apart()).enumerate() {
-            let [emulated, simulated] = [&self.emulated, &self.simulated]
+            let measures = [&self.emulated, &self.simulated]
                 .map(|trace| Measures::new(motor, self.scenario.duration_s, trace, index));
-            let title = format!("{}: {}", motor.label, motor.constants.name);
-            let mut table = table::new(&[&title, "emulated chip", "simulated board"], 1);
-            for (e, s) in emulated.responses.iter().zip(&simulated.responses) {
-                let name = format!("{} s: {}\n  settling\n  overshoot\n  residual", e.at_s, e.change);
-                table.add_row([name, cell(e), cell(s)]);
-            }
-            let [e, s] = [&emulated, &simulated].map(|measures| {
-                format!(
-                    "{:.2} A\n{}\n{:.2} J\n{:.2} J",
-                    measures.deceleration_jerk.worst_a,
-                    measures.regimes,
-                    measures.energy_from_battery_j,
-                    measures.energy_to_battery_j
-                )
-            });
-            let names = "deceleration jerk, worst\nforward/braking/reverse/coast\nenergy from the battery\n  back into it";
-            table.add_row([names.to_owned(), e, s]);
+            let table = side_by_side(motor, ["emulated chip", "simulated board"], &measures);
             out += &format!(
                 "{table}\nApart by at most {:.1} counts/s (rms {:.1}) and {} counts\n\n",
                 apart.worst_cps, apart.rms_cps, apart.worst_counts
@@ -135,10 +120,4 @@ impl Overlay {
             panels,
         }
     }
-}
-
-fn cell(response: &Response) -> String {
-    let settling = response.settling();
-    let overshoot = table::percent(response.overshoot_percent);
-    format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
 }

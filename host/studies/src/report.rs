@@ -3,7 +3,7 @@
 mod csv;
 mod figures;
 mod headline;
-mod tables;
+pub(crate) mod tables;
 
 use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;

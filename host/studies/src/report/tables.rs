@@ -2,9 +2,10 @@
 
 use super::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
-use crate::measures::Measures;
+use crate::measures::{Measures, Response};
 use crate::settling;
-use crate::table;
+use crate::table::{self, Table};
+use simulated::scenario::Motor;
 use simulated::scheme;
 
 /// Least width of a column in characters, so that the tables line up.
@@ -27,15 +28,8 @@ pub(super) fn all(comparison: &RunReport) -> String {
         scenario.seed
     );
     for (motor, measures) in scenario.motors.iter().zip(&comparison.measures) {
-        let title = format!("{}: {}", motor.label, motor.constants.name);
-        let mut table =
-            table::new(&[&title, &scheme::describe(motor.scheme), WITHOUT], 1).at_least(NARROWEST);
-        for (name, values) in rows(measures) {
-            let [as_set, without] = values;
-            table.add_row([name, as_set, without]);
-        }
-        out.push_str(&table.to_string());
-        out.push('\n');
+        let runs = [&scheme::describe(motor.scheme), WITHOUT];
+        out.push_str(&format!("{}\n", side_by_side(motor, runs, measures)));
     }
     out.push_str(&table::paragraph(&format!("{} {DEFINITIONS}", settling::definitions())));
     out.push('\n');
@@ -65,26 +59,17 @@ fn expectations(verdicts: &[Verdict]) -> String {
     table.to_string()
 }
 
-/// The name of each row, and its cells.
-fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
-    let [as_set, without] = measures;
-    let mut rows = Vec::new();
-    for (a, b) in as_set.responses.iter().zip(&without.responses) {
-        let cells = [a, b].map(|r| {
-            format!(
-                "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
-                r.settling(),
-                table::percent(r.overshoot_percent),
-                r.residual_rms,
-                r.swing,
-                unit = r.unit
-            )
-        });
+/// A table of a motor's measures in two runs with these names.
+pub(crate) fn side_by_side(motor: &Motor, runs: [&str; 2], measures: &[Measures; 2]) -> Table {
+    let title = format!("{}: {}", motor.label, motor.constants.name);
+    let mut table = table::new(&[&title, runs[0], runs[1]], 1).at_least(NARROWEST);
+    let [first, second] = measures;
+    for (a, b) in first.responses.iter().zip(&second.responses) {
         let name = format!("{} s: {}\n  settling\n  overshoot\n  residual\n  swing", a.at_s, a.change);
-        rows.push((name, cells.map(|cell| format!("\n{cell}"))));
+        table.add_row([name, response(a), response(b)]);
     }
     let mut add = |name: &str, cell: &dyn Fn(&Measures) -> String| {
-        rows.push((name.to_owned(), [cell(as_set), cell(without)]));
+        table.add_row([name.to_owned(), cell(first), cell(second)]);
     };
     add("deceleration jerk, worst\n  rms", &|m| {
         let jerk = m.deceleration_jerk;
@@ -95,5 +80,17 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
     add("energy from the battery\n  back into it", &|m| {
         format!("{:.2} J\n{:.2} J", m.energy_from_battery_j, m.energy_to_battery_j)
     });
-    rows
+    table
+}
+
+/// The measures of a response, a line each below an empty line for the name of the change.
+fn response(r: &Response) -> String {
+    format!(
+        "\n{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
+        r.settling(),
+        table::percent(r.overshoot_percent),
+        r.residual_rms,
+        r.swing,
+        unit = r.unit
+    )
 }
