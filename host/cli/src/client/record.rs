@@ -135,15 +135,11 @@ impl Recorder {
     ) -> Result<bool, Failure> {
         let begun = Instant::now();
         let report = session.report()?;
-        let bulk = match &report {
-            Some(report) => bulk_of(report),
-            None => session.bulk()?,
+        let (battery, bulk) = match &report {
+            Some(report) => (report.battery.unwrap_or_default(), bulk_of(report)),
+            None => (session.battery()?, session.bulk()?),
         };
         let at = since.elapsed();
-        let battery = match &report {
-            Some(report) => report.battery.unwrap_or_default(),
-            None => session.battery()?,
-        };
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
         for MotorReading { motor, position, velocity: cps, .. } in motors_of(&bulk, &motion.motors) {
@@ -197,12 +193,9 @@ impl Recorder {
 /// Returns a bulk answer with the positions and velocities of a report. All other fields have their defaults.
 fn bulk_of(report: &HubReport) -> Bulk {
     let mut bulk = Bulk::default();
-    for (index, motor) in report.motors.iter().enumerate() {
-        if let (Some(position), Some(velocity)) =
-            (bulk.encoders.get_mut(index), bulk.velocities.get_mut(index))
-        {
-            (*position, *velocity) = (motor.position, motor.velocity);
-        }
+    let values = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
+    for ((position, velocity), motor) in values.zip(&report.motors) {
+        (*position, *velocity) = (motor.position, motor.velocity);
     }
     bulk
 }
