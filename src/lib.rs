@@ -64,7 +64,8 @@
 //! * `tasks` (on by default): the async tasks, on embassy. Without this feature the core has four small dependencies.
 //! * `signed`: checks signatures of new firmware, see [`update::Slot::signer`].
 //! * `model`: physics in `f64`, for simulators and tests; needs std.
-//! * `serde`: reads modes, loops, kinds of regulator and zero behaviours from words, as in JSON files.
+//! * `serde`: reads modes, loops, kinds of regulator and zero behaviours from words, as in JSON files, and writes the
+//!   states of the store and of a current-sense line as words.
 //! * `defmt`: `defmt::Format` for most types of the core, for the log of firmware.
 #![cfg_attr(not(feature = "model"), no_std)]
 #![forbid(unsafe_code)]

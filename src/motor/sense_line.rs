@@ -18,6 +18,7 @@ use crate::units::Milliamperes;
 /// Condition of a motor's current-sense line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum SenseLine {
     /// There is no line, or its converter does not answer.
     #[default]
@@ -26,6 +27,7 @@ pub enum SenseLine {
     Sound,
     /// The line shows no current while the modelled current is at least 1 A: the line or a lead of the motor is
     /// broken. The line is not used.
+    #[cfg_attr(feature = "serde", serde(rename = "silent"))]
     NoCurrent,
     /// The line shows a current in 5/0, in which a bridge shows no current. The line is not used.
     Stuck,

@@ -5,6 +5,7 @@ use super::record::{SettingsRecord, VERSION, later_version};
 /// State of the stored record, from both copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum Stored {
     /// No save was completed since the memory was erased, and no copy can be read.
     #[default]

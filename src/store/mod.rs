@@ -58,6 +58,7 @@ pub use record::{CAPACITY, Entry, SettingsRecord, VERSION};
 /// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum Outcome {
     /// There was no access since boot, except for the reading at boot.
     #[default]

@@ -156,26 +156,12 @@ fn ended(report: &StoreReport) -> Result<(), Failure> {
 fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
     let StoreReport { stored, version, number, is_busy, outcome, differs, unknown, refused, .. } = *report;
     if json {
-        let stored = match stored {
-            Stored::Nothing => "nothing",
-            Stored::Whole => "whole",
-            Stored::OneCopy => "one-copy",
-            Stored::Later => "later",
-            Stored::Damaged => "damaged",
-        };
-        let outcome = match outcome {
-            Outcome::None => None,
-            Outcome::Done => Some("done"),
-            Outcome::NeedsErase => Some("needs-erase"),
-            Outcome::Refused => Some("refused"),
-            Outcome::Lost => Some("lost"),
-        };
         let document = json!({
             "stored": stored,
             "version": version,
             "number": number,
             "busy": is_busy,
-            "outcome": outcome,
+            "outcome": Some(outcome).filter(|outcome| *outcome != Outcome::None),
             "differs": differs,
             "unknown_entries": unknown,
             "refused_entries": refused,

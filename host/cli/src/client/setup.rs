@@ -12,7 +12,7 @@ use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
+use motor_hub::motor::{Settings, ThermalLimit};
 use motor_hub_client::Session;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
@@ -157,7 +157,7 @@ impl Options {
                 "overheated": condition.overheated,
                 "bridge_fault": condition.bridge_fault,
                 "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
-                "current_line": line_word(condition.sense_line),
+                "current_line": condition.sense_line,
                 "motion": identify::motion_json(settings),
             });
             for option in SettingOption::all() {
@@ -189,15 +189,5 @@ impl Options {
             table.add_row([name, &value]);
         }
         print(&format!("{table}\n"))
-    }
-}
-
-const fn line_word(line: SenseLine) -> &'static str {
-    match line {
-        SenseLine::Absent => "absent",
-        SenseLine::Sound => "sound",
-        SenseLine::NoCurrent => "silent",
-        SenseLine::Stuck => "stuck",
-        SenseLine::Excessive => "excessive",
     }
 }
