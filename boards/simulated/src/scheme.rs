@@ -4,12 +4,11 @@
 //! ```
 //! use simulated::scheme::{SchemeName, describe};
 //!
-//! let scheme = SchemeName::D.with_blend(Some("0.25".parse()?))?;
-//! assert_eq!(describe(scheme), "scheme D, blend 0.250");
-//! assert_eq!(describe(SchemeName::D.with_blend(None)?), "scheme D, automatic blend");
-//! assert_eq!("b".parse(), Ok(SchemeName::B));
-//! assert!(SchemeName::B.with_blend(Some("0.25".parse()?)).is_err());
-//! # Ok::<(), simulated::scheme::BlendError>(())
+//! let [b, d] = ["b".parse::<SchemeName>()?, "D".parse()?];
+//! assert_eq!(describe(d.0), "scheme D, automatic blend");
+//! assert_eq!(describe(d.with_blend(Some("0.25".parse()?))?), "scheme D, blend 0.250");
+//! assert!(b.with_blend(Some("0.25".parse()?)).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 use motor_hub::braking::{Blend, BlendFraction, Scheme};
@@ -17,26 +16,15 @@ use serde::Deserialize;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::str::FromStr;
 
-/// A scheme's name. Upper and lower case are accepted.
+/// A scheme that is given by its name in upper or lower case. Scheme D has the automatic blend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
-pub enum SchemeName {
-    /// No braking regime: forward and reverse driving only.
-    None,
-    /// Control is an equivalent voltage.
-    A,
-    /// Control is a current.
-    B,
-    /// As B, but braking is as steep as driving.
-    C,
-    /// Between B and C, as a [`BlendChoice`] says.
-    D,
-}
+pub struct SchemeName(pub Scheme);
 
 /// The blend of scheme D.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "NumberOrAuto")]
-pub struct BlendChoice(Blend);
+pub struct BlendChoice(pub Blend);
 
 /// What is wrong with a blend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -54,18 +42,24 @@ pub enum BlendError {
 #[error("unknown scheme `{0}`, expected one of `none`, `A`, `B`, `C`, `D`")]
 pub struct UnknownScheme(String);
 
+/// Returns the name of a scheme, without the blend of scheme D.
+const fn name(scheme: Scheme) -> &'static str {
+    match scheme {
+        Scheme::ForwardReverse => "none",
+        Scheme::A => "A",
+        Scheme::B => "B",
+        Scheme::C => "C",
+        Scheme::D(_) => "D",
+    }
+}
+
 impl FromStr for SchemeName {
     type Err = UnknownScheme;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        match text.to_ascii_uppercase().as_str() {
-            "NONE" => Ok(Self::None),
-            "A" => Ok(Self::A),
-            "B" => Ok(Self::B),
-            "C" => Ok(Self::C),
-            "D" => Ok(Self::D),
-            _ => Err(UnknownScheme(text.to_owned())),
-        }
+        // The first scheme D in the list has the automatic blend.
+        let named = Scheme::ALL.into_iter().find(|scheme| name(*scheme).eq_ignore_ascii_case(text));
+        named.map(Self).ok_or_else(|| UnknownScheme(text.to_owned()))
     }
 }
 
@@ -78,16 +72,12 @@ impl TryFrom<String> for SchemeName {
 }
 
 impl SchemeName {
-    /// Returns the scheme for the firmware. Scheme D without a blend blends automatically.
+    /// Returns the scheme with a blend, which only scheme D has. Scheme D without a blend blends automatically.
     pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
-        match (self, blend) {
-            (Self::D, None) => Ok(Scheme::D(Blend::Automatic)),
-            (Self::D, Some(BlendChoice(blend))) => Ok(Scheme::D(blend)),
+        match (self.0, blend) {
+            (scheme, None) => Ok(scheme),
+            (Scheme::D(_), Some(BlendChoice(blend))) => Ok(Scheme::D(blend)),
             (_, Some(_)) => Err(BlendError::NotD),
-            (Self::None, None) => Ok(Scheme::ForwardReverse),
-            (Self::A, None) => Ok(Scheme::A),
-            (Self::B, None) => Ok(Scheme::B),
-            (Self::C, None) => Ok(Scheme::C),
         }
     }
 }
@@ -139,15 +129,8 @@ pub struct SchemeWords(pub Scheme);
 
 impl Serialize for SchemeWords {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let name = match self.0 {
-            Scheme::ForwardReverse => "none",
-            Scheme::A => "A",
-            Scheme::B => "B",
-            Scheme::C => "C",
-            Scheme::D(_) => "D",
-        };
         let mut words = to.serialize_struct("SchemeWords", 2)?;
-        words.serialize_field("scheme", name)?;
+        words.serialize_field("scheme", name(self.0))?;
         match self.0 {
             Scheme::D(Blend::Automatic) => words.serialize_field("blend", "auto")?,
             Scheme::D(Blend::Fixed(fraction)) => words.serialize_field("blend", &share(fraction))?,
@@ -165,12 +148,8 @@ fn share(fraction: BlendFraction) -> f64 {
 pub fn describe(scheme: Scheme) -> String {
     match scheme {
         Scheme::ForwardReverse => "no braking regime".into(),
-        Scheme::A => "scheme A".into(),
-        Scheme::B => "scheme B".into(),
-        Scheme::C => "scheme C".into(),
         Scheme::D(Blend::Automatic) => "scheme D, automatic blend".into(),
-        Scheme::D(Blend::Fixed(fraction)) => {
-            format!("scheme D, blend {:.3}", share(fraction))
-        }
+        Scheme::D(Blend::Fixed(fraction)) => format!("scheme D, blend {:.3}", share(fraction)),
+        scheme => format!("scheme {}", name(scheme)),
     }
 }

@@ -4,8 +4,9 @@ use crate::constants::Constants;
 use crate::output::Failure;
 use crate::parse::{battery_mv, named, whole};
 use crate::scheme_options::{SCHEMES, scheme};
+use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::characterised;
-use simulated::scheme::{BlendChoice, SchemeName};
+use simulated::scheme::BlendChoice;
 use studies::points::OperatingReport;
 
 /// A motor at a speed on a battery, and the scheme of control values.
@@ -13,7 +14,7 @@ use studies::points::OperatingReport;
 pub(crate) struct OperatingOptions {
     /// Scheme: the meaning of control values
     #[arg(long, ignore_case = true, value_parser = named(SCHEMES))]
-    scheme: SchemeName,
+    scheme: Scheme,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,

@@ -2,16 +2,16 @@
 
 use crate::output::Failure;
 use crate::parse::named;
-use motor_hub::braking::{DutyRule, Scheme};
+use motor_hub::braking::{Blend, DutyRule, Scheme};
 use simulated::scheme::{BlendChoice, BlendError, SchemeName};
 
 /// Scheme names with their descriptions.
-pub(crate) const SCHEMES: [(&str, &str, SchemeName); 5] = [
-    ("none", "No braking regime: forward and reverse driving only", SchemeName::None),
-    ("A", "Control is an equivalent voltage", SchemeName::A),
-    ("B", "Control is a current", SchemeName::B),
-    ("C", "As B, with braking as steep as driving", SchemeName::C),
-    ("D", "Between B and C: see --blend", SchemeName::D),
+pub(crate) const SCHEMES: [(&str, &str, Scheme); 5] = [
+    ("none", "No braking regime: forward and reverse driving only", Scheme::ForwardReverse),
+    ("A", "Control is an equivalent voltage", Scheme::A),
+    ("B", "Control is a current", Scheme::B),
+    ("C", "As B, with braking as steep as driving", Scheme::C),
+    ("D", "Between B and C: see --blend", Scheme::D(Blend::Automatic)),
 ];
 
 /// Duty rules with their descriptions.
@@ -24,8 +24,8 @@ const DUTY_RULES: [(&str, &str, DutyRule); 2] = [
     ("linear-duty", "The duty is linear between the points, as in the paper", DutyRule::LinearDuty),
 ];
 
-pub(crate) fn scheme(name: SchemeName, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
-    name.with_blend(blend).map_err(without_d)
+pub(crate) fn scheme(scheme: Scheme, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
+    SchemeName(scheme).with_blend(blend).map_err(without_d)
 }
 
 fn without_d(error: BlendError) -> Failure {
@@ -37,7 +37,7 @@ fn without_d(error: BlendError) -> Failure {
 pub(crate) struct SchemeOptions {
     /// Scheme: the meaning of control values
     #[arg(long, ignore_case = true, value_parser = named(SCHEMES))]
-    scheme: Option<SchemeName>,
+    scheme: Option<Scheme>,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
@@ -51,7 +51,7 @@ impl SchemeOptions {
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {
             None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
-            name => name.map(|name| scheme(name, self.blend)).transpose(),
+            given => given.map(|given| scheme(given, self.blend)).transpose(),
         }
     }
 

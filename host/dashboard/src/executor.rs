@@ -25,7 +25,6 @@ use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
-use simulated::scheme::SchemeName;
 
 /// Default tolerance of a position, in counts.
 const USUAL_TOLERANCE: f64 = 10.0;
@@ -153,7 +152,7 @@ impl Executor {
                 session.set_coefficients(motor, Loop::Velocity, pidf)?;
             }
             PageRequest::SetUp { ref name, scheme, duty, .. } => {
-                let settings = set_up(settings, name.as_deref(), scheme, duty)?;
+                let settings = set_up(settings, name.as_deref(), scheme.0, duty)?;
                 if name.is_some() {
                     // Dynamics and acceleration limit belong to the former motor, so they are not sent again.
                     session.set(motor, Group::SetUp, &settings)?;
@@ -288,7 +287,7 @@ fn coefficients(pidf: [f64; 4]) -> Result<LoopCoefficients, RequestError> {
 fn set_up(
     mut settings: MotorSettings,
     name: Option<&str>,
-    scheme: SchemeName,
+    scheme: Scheme,
     duty: DutyRule,
 ) -> Result<MotorSettings, RequestError> {
     if let Some(name) = name {
@@ -296,8 +295,8 @@ fn set_up(
         settings.motor.winding = winding(&motor).map_err(|error| error.to_string())?;
     }
     // A scheme D that stays keeps its blend.
-    if scheme != SchemeName::D || !matches!(settings.motor.scheme, Scheme::D(_)) {
-        settings.motor.scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
+    if !matches!((scheme, settings.motor.scheme), (Scheme::D(_), Scheme::D(_))) {
+        settings.motor.scheme = scheme;
     }
     settings.motor.duty = duty;
     Ok(settings)

@@ -27,7 +27,7 @@ use motor_hub_client::reasons::{bus_text, stored_text, why_still};
 use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use serde_json::{Value, json};
-use simulated::scheme::{SchemeName, SchemeWords};
+use simulated::scheme::SchemeWords;
 use std::sync::Arc;
 
 /// Highest speed for which points are computed, in counts/s. No motor of the catalogue reaches this speed.
@@ -382,13 +382,7 @@ pub(crate) fn settings_of(
 /// values that the firmware computes, as shares of full control. `paper` has the control values of the paper's
 /// formulas; a value is `null` where a formula is infinite or not defined. `values` has the voltages in V (Scheme A) or
 /// currents in A (other schemes) of the paper's formulas.
-pub(crate) fn points(
-    winding: &Winding,
-    scheme: SchemeName,
-    cps: f64,
-    volts: f64,
-) -> Result<Value, RequestError> {
-    let scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
+pub(crate) fn points(winding: &Winding, scheme: Scheme, cps: f64, volts: f64) -> Result<Value, RequestError> {
     let cps = within("a speed", cps, 0.0..=MOST_CPS, "counts/s")?;
     let volts = within("a battery", volts, LEAST_VOLTS..=MOST_VOLTS, "V")?;
     let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));

@@ -207,7 +207,7 @@ impl Relay {
         Ok(match *order {
             PageRequest::Points { motor, scheme, cps, volts } => {
                 let settings = session.settings(channel(motor)?)?;
-                Message::Points(points(&settings.motor.winding, scheme, cps, volts)?)
+                Message::Points(points(&settings.motor.winding, scheme.0, cps, volts)?)
             }
             PageRequest::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;

@@ -98,7 +98,7 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     let emf = constant(case.number("keFw_q20")?)?.emf(CountsPerSecond::new(cps as i32));
     let at = operating_point(emf, battery as u16)?;
     let formula = |scheme| Points::from_formula(scheme, at);
-    let d = formula(SchemeName::D.with_blend(Some(BlendChoice::fixed(case.number("blend")?)?))?);
+    let d = formula(Scheme::D(BlendChoice::fixed(case.number("blend")?)?.0));
     let x = |points: Option<Points>, which: fn(&Points) -> UnboundedControl| {
         points.as_ref().map(which).map(UnboundedControl::to_f64)
     };

@@ -4,6 +4,7 @@ use super::CaseError;
 use super::case::{Case, table};
 use super::firmware::current_drive;
 use crate::with_fields;
+use motor_hub::braking;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{OpenLoop, Scheme};
@@ -28,12 +29,12 @@ const CURRENT_SHARES: [f64; 8] = [-1.0, -0.6, -0.15, -0.02, 0.02, 0.15, 0.5, 0.9
 /// The points S, T, Z and G of a scheme, not limited to the control range.
 pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
     let name = case.text("scheme")?;
-    let scheme = match name.parse()? {
-        SchemeName::A => Scheme::A,
-        SchemeName::B => Scheme::B,
-        SchemeName::C => Scheme::C,
-        SchemeName::D => Scheme::D { blend: case.number("blend")? },
-        SchemeName::None => {
+    let scheme = match name.parse::<SchemeName>()?.0 {
+        braking::Scheme::A => Scheme::A,
+        braking::Scheme::B => Scheme::B,
+        braking::Scheme::C => Scheme::C,
+        braking::Scheme::D(_) => Scheme::D { blend: case.number("blend")? },
+        braking::Scheme::ForwardReverse => {
             return Err(format!("input scheme = {name:?} must be A, B, C or D").into());
         }
     };

@@ -13,7 +13,7 @@ use crate::scenario::numbers::{
 };
 use crate::scenario::types::{Configuration, Motor, Timed};
 use crate::scheme::{BlendChoice, SchemeName};
-use motor_hub::braking::DutyRule;
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
@@ -221,7 +221,7 @@ impl MotorTable {
             drag_after: si::Drag(or(self.load.drag_nms_per_rad, 0.0)),
             ..Load::NONE
         };
-        let scheme = self.scheme.unwrap_or(SchemeName::A).with_blend(self.blend);
+        let scheme = self.scheme.unwrap_or(SchemeName(Scheme::A)).with_blend(self.blend);
         Ok(Motor {
             label: self.label.0.clone(),
             constants,
