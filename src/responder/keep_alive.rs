@@ -4,8 +4,10 @@
 //! ```text
 //!               packet              2.5 s without a packet
 //! [Awaited] -----------> [Present] -----------------------> [Lost]
-//!                            ^             packet             |
-//!                            '--------------------------------'
+//!     |                      ^             packet             | ^
+//!     |                      '--------------------------------' |
+//!     '---------------------------------------------------------'
+//!                            stop to all hubs
 //! ```
 //!
 //! ```
@@ -28,12 +30,12 @@ pub const TIMEOUT_MICROS: u64 = 2_500_000;
 /// Contact with the host.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Contact {
-    /// No packet has arrived since boot. The timer does not run.
+    /// No packet for this hub has arrived since boot, and no stop to all hubs. The timer does not run.
     #[default]
     Awaited,
     /// The last packet arrived at this time. The timer runs.
     Present(Micros),
-    /// The timer ran out at this time.
+    /// The timer ran out at this time, or a stop to all hubs came at this time before any packet.
     Lost(Micros),
 }
 
@@ -58,7 +60,7 @@ impl KeepAlive {
         self.contact = Contact::Present(now);
     }
 
-    /// True if a packet for this hub has arrived since reset.
+    /// True if a packet for this hub, or a stop to all hubs, has arrived since reset.
     pub const fn has_received_packet(&self) -> bool {
         !matches!(self.contact, Contact::Awaited)
     }
@@ -82,9 +84,13 @@ impl KeepAlive {
         }
     }
 
-    /// Adds the event of a fail-safe that a host has requested.
-    pub const fn fail_safe(&mut self) {
+    /// Adds the event of a fail-safe that a host has requested. A stop to all hubs is no packet for this hub, but no
+    /// button may drive motors after it: a host that was awaited then counts as lost.
+    pub const fn fail_safe(&mut self, now: Micros) {
         self.events |= Status::FAIL_SAFE;
+        if matches!(self.contact, Contact::Awaited) {
+            self.contact = Contact::Lost(now);
+        }
     }
 
     /// Stores whether the battery is low. Adds an event when the battery becomes low.

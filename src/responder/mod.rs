@@ -73,7 +73,7 @@ use crate::protocol::pins::ToPin;
 use crate::protocol::requests::{
     DISCOVERY, FAIL_SAFE, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
-use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, HOST, Nack, Packet, Reply};
 use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
@@ -228,8 +228,8 @@ impl<const N: usize> Responder<N> {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does
-    /// not wait for stored settings. While the hub waits, the memory may be erased, and no motor may run.
+    /// True while the board's button may drive motors: no packet for this hub and no stop to all hubs has arrived since
+    /// reset, and the hub does not wait for stored settings. While the hub waits, the memory may be erased, and no motor may run.
     pub const fn permits_button(&self) -> bool {
         !self.keep_alive.has_received_packet() && !self.awaits_store()
     }
@@ -291,8 +291,8 @@ impl<const N: usize> Responder<N> {
     /// Executes a request from either line, on a hub that may have a record of faults. Packets from the host's line are
     /// processed as by [`receive`](Self::receive).
     ///
-    /// On the chain line, only packets with the hub's own address are answered and restart the keep-alive timer. A
-    /// fail-safe to all hubs is executed, but not answered.
+    /// On the chain line, only the host's packets with the hub's own address are answered and restart the keep-alive
+    /// timer. A fail-safe to all hubs is executed, but not answered.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -308,10 +308,11 @@ impl<const N: usize> Responder<N> {
         if from == Line::Chain {
             if stop {
                 self.disable();
-                self.keep_alive.fail_safe();
+                self.keep_alive.fail_safe(now);
             }
-            // The answers of several children to a packet to all hubs would collide.
-            if packet.destination != address {
+            // The answers of several children to a packet to all hubs would collide. A packet from another hub is an
+            // answer: hubs that answer the answers of each other would never stop.
+            if packet.destination != address || packet.source != HOST {
                 return None;
             }
         } else if packet.destination != address {
@@ -510,7 +511,7 @@ impl<const N: usize> Responder<N> {
             Standard::KeepAlive | Standard::DebugLevel { .. } | Standard::Discovery => (),
             Standard::FailSafe => {
                 self.disable();
-                self.keep_alive.fail_safe();
+                self.keep_alive.fail_safe(now);
             }
             Standard::SetAddress { address } => {
                 self.address = address;

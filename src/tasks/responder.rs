@@ -57,6 +57,8 @@ pub async fn run<M: RawMutex, const N: usize>(
     responder.outputs.equipment = devices.equipment();
     let mut service = Service::new(responder, devices, wires, show);
     service.await_store().await;
+    // The parent no longer waits for the answers to requests that have waited here.
+    wires.chain.received.clear();
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {

@@ -4,9 +4,10 @@ use crate::host::{Answer, N, TestHost, frame_to, settings};
 use motor_hub::extension::report::Commands;
 use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::Setpoint;
-use motor_hub::protocol::{Address, Colour};
-use motor_hub::responder::Responder;
+use motor_hub::protocol::requests::FAIL_SAFE;
+use motor_hub::protocol::{Address, BROADCAST, Colour, HOST, Packet};
 use motor_hub::responder::keep_alive::TIMEOUT_MICROS;
+use motor_hub::responder::{Line, Responder};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts};
 
@@ -343,6 +344,32 @@ fn only_packets_to_the_hub_keep_motors_running() {
         }
         assert_eq!(host.responder.enabled()[0], runs, "{frame:x?}");
     }
+}
+
+#[test]
+fn on_the_chain_line_only_the_hosts_packets_are_answered_and_keep_motors_running() {
+    let hub = crate::host::HUB;
+    for (source, runs) in [(HOST, true), (hub + 1, false)] {
+        let mut host = driving();
+        let packet = Packet { destination: hub, source, number: 1, id: 0x7F04, ..Packet::default() };
+        for _ in 0..4 {
+            host.wait_ms(2100);
+            let reply = host.responder.receive_with(&packet, Line::Chain, host.now, &host.snapshot, None);
+            assert_eq!(reply.is_some(), runs, "{source}");
+        }
+        assert_eq!(host.responder.enabled()[0], runs, "{source}");
+    }
+}
+
+#[test]
+fn a_stop_to_all_on_the_chain_line_withdraws_the_buttons_permission() {
+    let mut responder = Responder::new(Address::DEFAULT, [settings(); N]);
+    assert!(responder.permits_button());
+    let stop = Packet { destination: BROADCAST, id: FAIL_SAFE, ..Packet::default() };
+    let now = Micros::new(1);
+    assert_eq!(responder.receive_with(&stop, Line::Chain, now, &Snapshot::INITIAL, None), None);
+    assert!(!responder.permits_button());
+    assert_eq!(responder.deadline(), None, "the timer does not run");
 }
 
 #[test]
