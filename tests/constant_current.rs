@@ -4,7 +4,7 @@ mod common;
 
 use common::{BATTERY, BRIDGE, Bench, configured, free_cps, inertia, plant, position, unknown, velocity};
 use motor_hub::braking::Scheme;
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::hub::{Command, Hub};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::plant::PlantInput;
@@ -269,5 +269,43 @@ fn the_current_limit_holds_while_a_motor_reverses() {
             assert!(amperes.abs() < 1.0, "{amperes} A at {} counts/s", bench.speed(0));
         }
         assert!((bench.speed(0) - f64::from(target)).abs() < 20.0, "{}", bench.speed(0));
+    }
+}
+
+/// A VNH5019 permits no duty between 0.88 and 1.
+#[test]
+fn the_current_limit_holds_with_a_bridge_that_does_not_permit_every_duty() {
+    let (motor, load) = (neverest_60(), inertia(0.2));
+    let bridge = BridgeConstants::VNH5019;
+    let settings = Settings { bridge, current_limit: NonZeroU16::new(800), ..configured(&motor, &load) };
+    for period_ms in [10, 50] {
+        let mut bench = Bench::one(settings, plant(motor, load), period_ms);
+        for setpoint in [Setpoint::ConstantPower(Control::MAX), velocity(0)] {
+            bench.set(0, setpoint);
+            bench.tick();
+            let mut limited_ms = 0;
+            for _ in 0..5_000 {
+                let [amperes] = bench.run_ms(1);
+                limited_ms += u32::from(bench.report().current_limited);
+                assert!(amperes.abs() < 0.85, "{period_ms} ms: {amperes} A {:?}", bench.report());
+            }
+            assert!(limited_ms > 2_000, "{period_ms} ms: {limited_ms} ms");
+        }
+    }
+}
+
+#[test]
+fn a_motor_at_its_current_limit_is_stalled_no_earlier_than_100_ms_after_its_start() {
+    let (motor, load) = (neverest_60(), inertia(0.5));
+    for period_ms in [1, 10, 50, 100] {
+        let settings = Settings { current_limit: NonZeroU16::new(500), ..configured(&motor, &load) };
+        let mut bench = Bench::one(settings, plant(motor, load), period_ms);
+        bench.run_ms(1_000);
+        bench.set(0, velocity(400));
+        let stalled_ms = (0..2_000).find(|_| {
+            bench.run_ms(1);
+            bench.report().stalled
+        });
+        assert!(stalled_ms.is_none_or(|ms| ms >= 100), "{period_ms} ms: {stalled_ms:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Cable, neverest_60, plant, position, velocity};
+use common::{Bench, Cable, configured, inertia, neverest_60, plant, position, velocity};
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeFeedback, Drive};
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit};
@@ -200,6 +200,25 @@ fn every_scheme_derates_a_motor_that_is_held() {
             assert!((1.1..2.0).contains(&last), "{scheme:?} {duty:?}: {last}");
         }
     }
+}
+
+#[test]
+fn a_derated_motor_reaches_a_position_without_overshoot() {
+    let (motor, load) = (neverest_60(), inertia(0.2));
+    let thermal = ThermalLimit::new(800, 20, 600).ok();
+    let mut bench = Bench::one(Settings { thermal, ..configured(&motor, &load) }, plant(motor, load), 50);
+    let mut derated_moves = 0;
+    for target in [4_000, 0].into_iter().cycle().take(20) {
+        bench.set(0, position(target, 5, 100_000));
+        let side = if target > 0 { 1.0 } else { -1.0 };
+        let farthest = (0..5_000).fold(f64::NEG_INFINITY, |farthest, _| {
+            bench.run_ms(1);
+            farthest.max(side * (bench.counts(0) - f64::from(target)))
+        });
+        assert!(farthest < 6.0, "{target}: {farthest:.0} counts beyond {:?}", bench.report());
+        derated_moves += u32::from(bench.report().derated);
+    }
+    assert!(derated_moves > 5, "{derated_moves}");
 }
 
 /// A motor under a load of 2.2 N m, until the thermal limit cuts it. The load needs 2.1 A, which is above the

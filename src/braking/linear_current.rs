@@ -116,10 +116,23 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty of a regime for a mean current, given as the voltage `w`, in V.
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V, or the nearest duty that the bridge's
+    /// timing permits.
     pub(super) fn duty(&self, regime: Regime, at: OperatingPoint, w: f32) -> Duty {
-        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
-        to_duty(self.nearest(duty))
+        to_duty(self.nearest(self.ideal_duty(regime, at, w)))
+    }
+
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V, or the next lower duty that the bridge's
+    /// timing permits. The current is never larger.
+    pub(super) fn duty_at_most(&self, regime: Regime, at: OperatingPoint, w: f32) -> Duty {
+        let duty = self.ideal_duty(regime, at, w);
+        let least = if duty < 1.0 { at_most(duty, 1.0 - self.least_off) } else { duty };
+        to_duty(if least < self.least_on { 0.0 } else { least })
+    }
+
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V, with a bridge that permits any duty.
+    fn ideal_duty(&self, regime: Regime, at: OperatingPoint, w: f32) -> f32 {
+        if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 }
     }
 
     /// The nearest duty that the bridge's timing permits.

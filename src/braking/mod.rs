@@ -99,29 +99,26 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// Returns the command that applies a requested voltage, as [`limited`](Self::limited) does with one difference:
-    /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
-    /// the back EMF.
+    /// Returns the command that applies a requested voltage, as [`limited`](Self::limited) does with two differences. If
+    /// the bridge's timing does not permit the duty, the command has the nearest permitted duty.
+    /// [`Scheme::ForwardReverse`] has no braking regime: with this scheme the bridge opens for a voltage between 0 and the
+    /// back EMF.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        self.for_current(at, regime, if opens { 0.0 } else { w })
+        self.in_regime(at, regime, self.current.duty(regime, at, if opens { 0.0 } else { w }))
     }
 
     /// Returns the command that applies a voltage, with every scheme. The formulas are those of
     /// [`DutyRule::LinearCurrent`], with either rule. A voltage out of the bridge's range gives the nearest voltage in
-    /// the range. If the bridge's timing does not permit the duty, the command has the nearest permitted duty.
+    /// the range. If the bridge's timing does not permit the duty, the command has the next lower permitted duty, whose
+    /// current is smaller.
     ///
     /// The voltage 0 brakes a turning motor fully, and opens the bridge if the back EMF is 0.
     pub fn limited(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
-        self.for_current(at, regime, w)
-    }
-
-    /// Returns the command with the mean current of the voltage `w` in a regime. With the current 0 the bridge opens.
-    fn for_current(&self, at: OperatingPoint, regime: Regime, w: f32) -> Modulation {
-        self.in_regime(at, regime, self.current.duty(regime, at, w))
+        self.in_regime(at, regime, self.current.duty_at_most(regime, at, w))
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).

@@ -45,6 +45,11 @@ impl VoltageLimits {
         Self { least: at_least(self.least, other.least), most: at_most(self.most, other.most) }
     }
 
+    /// The highest allowed voltage.
+    pub(super) const fn most(self) -> f32 {
+        self.most
+    }
+
     /// The allowed voltage that is nearest to `volts`.
     pub(super) const fn clamp(self, volts: f32) -> f32 {
         at_most(at_least(volts, self.least), self.most)

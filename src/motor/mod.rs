@@ -503,7 +503,7 @@ impl Motor {
             }
         }
         let at = at?;
-        let dissipates = battery.is_some_and(|battery| battery.dissipate != Share::NONE);
+        let battery = battery?;
         match setpoint {
             Setpoint::Disabled => None,
             Setpoint::FailSafe => self.on_fault(at),
@@ -514,11 +514,11 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 Some(self.for_voltage(at, voltage))
             }
-            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, dissipates, moved?),
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, battery, moved?),
             Setpoint::Position { target, speed_limit, .. } => {
-                self.regulate(Demand::Position { target, speed_limit }, at, dissipates, moved?)
+                self.regulate(Demand::Position { target, speed_limit }, at, battery, moved?)
             }
-            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, dissipates, moved?),
+            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, battery, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -546,11 +546,13 @@ impl Motor {
         &mut self,
         demand: Demand,
         at: OperatingPoint,
-        dissipates: bool,
+        battery: &Battery,
         moved: i32,
     ) -> Option<Request> {
+        let standstill_volts = self.limits(0.0, at.battery_volts(), battery.draw).most();
         let Self { settings, modulator, regulator, .. } = self;
-        let context = Context { settings, modulator, period: self.period, at, dissipates };
+        let dissipates = battery.dissipate != Share::NONE;
+        let context = Context { settings, modulator, period: self.period, at, standstill_volts, dissipates };
         if let MotorState::Regulated(check) = &mut self.state
             && let Some(command) = &self.command
             && let Some(target) = command.request.target
@@ -660,7 +662,7 @@ impl Motor {
     /// The modulation whose voltage is within all limits and nearest to the voltage of `modulation`.
     fn within_limits(&self, modulation: Modulation, at: OperatingPoint, draw: Share) -> Modulation {
         let volts = modulation.voltage.to_volts();
-        let allowed = self.limits(at, draw).clamp(volts);
+        let allowed = self.limits(at.emf_volts(), at.battery_volts(), draw).clamp(volts);
         if allowed.to_bits() == volts.to_bits() {
             modulation
         } else {
@@ -670,10 +672,10 @@ impl Motor {
         }
     }
 
-    /// The voltages that are within all limits.
-    fn limits(&self, at: OperatingPoint, draw: Share) -> VoltageLimits {
-        let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
-        let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), draw);
+    /// The voltages that are within all limits, at a back EMF and a battery voltage.
+    fn limits(&self, emf: f32, battery: f32, draw: Share) -> VoltageLimits {
+        let ohms = self.settings.ohms();
+        let mut limits = VoltageLimits::by_draw(emf, battery, draw);
         if let Some(amperes) = self.thermal.driving_current_limit_amperes(self.settings.thermal) {
             limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
         }
@@ -683,14 +685,16 @@ impl Motor {
         limits
     }
 
-    /// True if the motor has at least 98 % of the current that its current limit allows, and a limit has changed the
-    /// request.
+    /// True if a limit has changed the request, and the motor has the largest current that its current limit allows.
     fn is_current_limited(&self) -> bool {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let amperes = command.amperes(command.limited.voltage.to_volts(), self.settings.ohms());
-        command.is_limited() && amperes.abs() > 0.98 * limit
+        let Command { request: Request { at, modulation, .. }, limited, .. } = command;
+        let emf = at.emf_volts();
+        let most = (limit * self.settings.ohms()).copysign(modulation.voltage.to_volts() - emf);
+        command.is_limited()
+            && limited.drive == self.modulator.limited(*at, Voltage::from_volts(emf + most)).drive
     }
 
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the

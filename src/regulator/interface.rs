@@ -87,6 +87,9 @@ pub struct Context<'a> {
     pub period: Period,
     /// Back EMF and battery voltage.
     pub at: OperatingPoint,
+    /// Largest voltage that all limits of current and power allow at standstill, in V; infinite without a limit. A moving
+    /// motor may brake with at least this voltage beyond its back EMF.
+    pub standstill_volts: f32,
     /// True while braking motors dissipate energy, because the bus cannot take it. Burn pulses then replace the requested
     /// voltage of a braking motor.
     pub dissipates: bool,

@@ -20,7 +20,7 @@ use libm::{roundf, sqrtf};
 
 /// Voltage whose acceleration brakes the motor before a target position, in V.
 const BRAKING_VOLTS: f32 = 5.5;
-/// Share of the motor's current limit that brakes the motor before a target position.
+/// Share of the largest voltage at standstill that brakes the motor before a target position.
 const LIMITED_SHARE: f32 = 0.85;
 
 /// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop
@@ -143,8 +143,7 @@ impl Loops {
         context: &Context<'_>,
     ) -> CountsPerSecond {
         let period = context.period;
-        // A current limit also limits the braking current.
-        let braking_volts = at_most(LIMITED_SHARE * context.settings.current_limit_volts(), BRAKING_VOLTS);
+        let braking_volts = at_most(LIMITED_SHARE * context.standstill_volts, BRAKING_VOLTS);
         // The short way round the ring of 2^32 counts; the position loop saturates at 8 million counts.
         let distance = target.wrapping_sub(inputs.position);
         let stoppable = sqrtf(2.0 * inputs.gain * braking_volts * distance.unsigned_abs() as f32);

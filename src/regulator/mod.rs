@@ -466,12 +466,12 @@ impl Regulator {
                 self.loops.step(demand, &inputs, context)
             }
         };
-        self.requested = output.speed;
         self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
             0
         };
+        self.requested = output.speed;
         output
     }
 

@@ -136,8 +136,7 @@ impl Law {
             return output;
         }
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
-        // A current limit also limits the braking current.
-        let full = plant.b * at_most(context.settings.current_limit_volts(), context.at.battery_volts());
+        let full = plant.b * at_most(context.standstill_volts, context.at.battery_volts());
         let deceleration =
             at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
         let deceleration =

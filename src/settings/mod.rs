@@ -121,12 +121,6 @@ impl Settings {
         self.current_limit.map(|limit| f32::from(limit.get()) / 1000.0)
     }
 
-    /// Largest voltage across the motor beyond its back EMF, in V: the current limit times the resistance; infinite without
-    /// a limit.
-    pub(crate) fn current_limit_volts(&self) -> f32 {
-        self.current_limit_amperes().map_or(f32::INFINITY, |amperes| amperes * self.ohms())
-    }
-
     /// Resistance of winding and bridge, in ohms.
     pub(crate) fn ohms(&self) -> f32 {
         let milliohms =
