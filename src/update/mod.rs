@@ -16,9 +16,12 @@
 //! Nothing ---------> Receiving ---------> Checking ---------------> Armed ---------> reset
 //!    ^                  |                    |                        |
 //!    |  flash error, or | wrong CRC-32 or    |                        | abandon
-//!    |  abandon         v signature          v                        v
+//!    |  abandon         v signature, abandon v                        v
 //!    +<-----------------+<-------------------+<------------------ Disarming
 //! ```
+//!
+//! A check that the slot task has begun cannot be stopped. If the host abandons the image during the check and the slot
+//! task arms the image, [`Update`] requests the disarming at once.
 //!
 //! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub
 //! then arms an image only if its signature is valid.
@@ -113,7 +116,7 @@ pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
-    /// No update is in progress.
+    /// No update is in progress. The slot task may still check an image that the host has abandoned.
     #[default]
     Nothing,
     /// The hub accepts chunks of an announced image.
@@ -372,19 +375,26 @@ impl Update {
         Ok(())
     }
 
-    /// Discards the announced image. If the image is armed, requests its disarming.
+    /// Discards the announced image. If the image is armed, requests its disarming. If the image is being checked, and
+    /// is armed afterwards, [`done`](Self::done) requests its disarming. A repeated call changes nothing.
     ///
     /// # Errors
-    /// Returns [`Nack::UPDATE_BUSY`] while the slot task is busy.
+    /// Returns [`Nack::UPDATE_BUSY`] while the slot task writes a chunk, disarms an image, or restarts the chip.
     pub fn abandon(&mut self) -> Result<(), Nack> {
-        self.check_idle()?;
-        if self.phase == Phase::Armed {
-            self.phase = Phase::Disarming;
-            self.task = TaskState::Requested(UpdateRequest::Disarm);
-        } else {
-            self.phase = Phase::Nothing;
+        match self.phase {
+            // A check that the slot task has begun ends first.
+            Phase::Nothing | Phase::Checking if self.task == TaskState::Busy => (),
+            Phase::Nothing | Phase::Checking => self.task = TaskState::Idle,
+            Phase::Receiving | Phase::Armed | Phase::Disarming => self.check_idle()?,
         }
+        self.phase = if self.phase == Phase::Armed { self.disarm() } else { Phase::Nothing };
         Ok(())
+    }
+
+    /// Requests the disarming of the image. Returns the new phase.
+    fn disarm(&mut self) -> Phase {
+        self.task = TaskState::Requested(UpdateRequest::Disarm);
+        Phase::Disarming
     }
 
     /// Hands the pending request to the slot task. `None` if no request is pending, or while the task carries out
@@ -413,6 +423,8 @@ impl Update {
         (self.task, self.outcome) = (TaskState::Idle, outcome);
         self.phase = match (self.phase, outcome) {
             (Phase::Checking, Outcome::Done) => Phase::Armed,
+            // The host has abandoned the image during its check, but the slot task has armed the image.
+            (Phase::Nothing, Outcome::Done) => self.disarm(),
             (Phase::Receiving, Outcome::Done) => Phase::Receiving,
             // After a failed restart or a failed disarming the image is still armed.
             (Phase::Armed, _) | (Phase::Disarming, Outcome::Refused | Outcome::Mismatch) => Phase::Armed,

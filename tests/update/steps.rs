@@ -28,12 +28,21 @@ fn crc(bytes: &[u8]) -> u32 {
 struct Memory {
     bytes: Vec<u8>,
     armed: Option<Vec<u8>>,
+    /// Outcome of the last request; `None` if it is reported, or if no request was carried out.
+    outcome: Option<Outcome>,
 }
 
 impl Memory {
+    /// Carries out the next request, and reports its outcome.
     fn serve(&mut self, update: &mut Update) {
+        self.carry_out(update);
+        self.report(update);
+    }
+
+    /// Carries out the next request.
+    fn carry_out(&mut self, update: &mut Update) {
         let Some(order) = update.request() else { return };
-        let outcome = match order {
+        self.outcome = Some(match order {
             UpdateRequest::Write { offset, bytes } => {
                 if offset == 0 {
                     // Its page is erased.
@@ -57,8 +66,14 @@ impl Memory {
                 Outcome::Done
             }
             UpdateRequest::Restart => Outcome::Done,
-        };
-        update.done(SlotReport::Result(outcome));
+        });
+    }
+
+    /// Reports the outcome of the last request.
+    fn report(&mut self, update: &mut Update) {
+        if let Some(outcome) = self.outcome.take() {
+            update.done(SlotReport::Result(outcome));
+        }
     }
 }
 
@@ -172,6 +187,50 @@ fn an_armed_image_is_started_or_abandoned_before_there_is_another() {
     assert_eq!((update.phase(), memory.armed), (Phase::Nothing, None));
 }
 
+/// An update whose image is complete and waits for its check.
+fn checking(image: &[u8]) -> (Update, Memory) {
+    let (mut update, mut memory) = (confirmed(), Memory::default());
+    update.begin(image.len() as u32, crc(image), false).expect("begun");
+    send(&mut update, &mut memory, image);
+    update.finish().expect("all is there");
+    (update, memory)
+}
+
+#[test]
+fn an_image_that_is_abandoned_during_its_check_is_disarmed_after_it() {
+    let (mut update, _) = checking(&image(100));
+    assert!(matches!(update.request(), Some(UpdateRequest::Arm { .. })), "the check begins");
+    assert_eq!((update.abandon(), update.abandon()), (Ok(()), Ok(())), "a host repeats a request");
+    assert_eq!((update.restart(false), update.request()), (Err(Nack::UPDATE_NOT_ARMED), None));
+    assert_eq!(update.begin(100, 0, false), Err(Nack::UPDATE_BUSY), "the image is still read");
+    // The task has armed the image.
+    update.done(SlotReport::Result(Outcome::Done));
+    assert_eq!(update.phase(), Phase::Disarming);
+    assert_eq!(update.request(), Some(UpdateRequest::Disarm));
+    update.done(SlotReport::Result(Outcome::Done));
+    assert_eq!((update.phase(), update.request()), (Phase::Nothing, None));
+}
+
+#[test]
+fn an_image_that_is_abandoned_during_its_check_and_fails_the_check_needs_no_disarming() {
+    for outcome in [Outcome::Refused, Outcome::Mismatch, Outcome::WrongSignature, Outcome::Older] {
+        let (mut update, _) = checking(&image(100));
+        assert!(update.request().is_some(), "the check begins");
+        update.abandon().expect("during the check");
+        update.done(SlotReport::Result(outcome));
+        assert_eq!((update.phase(), update.request()), (Phase::Nothing, None), "{outcome:?}");
+        update.begin(100, 0, false).expect("the next image");
+    }
+}
+
+#[test]
+fn an_image_that_is_abandoned_before_its_check_begins_is_not_checked() {
+    let (mut update, _) = checking(&image(100));
+    update.abandon().expect("before the check");
+    assert_eq!((update.phase(), update.request()), (Phase::Nothing, None));
+    update.begin(100, 0, false).expect("the next image");
+}
+
 /// Events of a host and its line.
 #[derive(Clone, Copy, Debug)]
 enum Step {
@@ -181,7 +240,8 @@ enum Step {
     /// The chunk with this index.
     Chunk(usize),
     Next,
-    Serve,
+    CarryOut,
+    Report,
     Damage(usize),
     Finish,
     Abandon,
@@ -192,10 +252,11 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         1 => any::<bool>().prop_map(|motors_run| Step::Begin { motors_run }),
-        2 => (0..8_usize).prop_map(Step::Chunk),
+        2 => (0..4_usize).prop_map(Step::Chunk),
         12 => Just(Step::Next),
-        12 => Just(Step::Serve),
-        1 => (0..700_usize).prop_map(Step::Damage),
+        12 => Just(Step::CarryOut),
+        12 => Just(Step::Report),
+        1 => (0..300_usize).prop_map(Step::Damage),
         4 => Just(Step::Finish),
         1 => Just(Step::Abandon),
         1 => Just(Step::Reset),
@@ -207,31 +268,34 @@ proptest! {
 
     #[test]
     fn whatever_a_host_does_nothing_is_armed_but_the_whole_image(steps in vec(step(), 0..200)) {
-        let (image, mut update, mut memory) = (image(650), confirmed(), Memory::default());
+        let (image, mut update, mut memory) = (image(250), confirmed(), Memory::default());
         let chunk = |update: &mut Update, index: usize| {
             let bytes = image.chunks(CHUNK).nth(index).unwrap_or_default();
             let _ = update.chunk((index * CHUNK) as u32, bytes);
         };
         for step in steps {
             match step {
-                Step::Begin { motors_run } => drop(update.begin(650, crc(&image), motors_run)),
+                Step::Begin { motors_run } => drop(update.begin(250, crc(&image), motors_run)),
                 Step::Chunk(index) => chunk(&mut update, index),
                 Step::Next => {
                     let next = update.progress().0 as usize / CHUNK;
                     chunk(&mut update, next);
                 }
-                Step::Serve => memory.serve(&mut update),
+                Step::CarryOut => memory.carry_out(&mut update),
+                Step::Report => memory.report(&mut update),
                 // From here on the image belongs to the bootloader.
                 Step::Damage(at) if memory.armed.is_none() => memory.bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte ^= 4),
                 Step::Damage(_) => (),
                 Step::Finish => drop(update.finish()),
                 Step::Abandon => drop(update.abandon()),
-                Step::Reset => (update, memory.armed) = (confirmed(), None),
+                Step::Reset => (update, memory.armed, memory.outcome) = (confirmed(), None, None),
             }
             // The armed image is still in the slot.
             prop_assert!(memory.armed.is_none() || memory.bytes.starts_with(&image));
             prop_assert!(memory.armed.as_ref().is_none_or(|armed| *armed == image));
             prop_assert!(update.phase() != Phase::Armed || memory.armed.is_some());
+            // An idle hub reports what the next reset starts.
+            prop_assert!(update.is_busy() || (update.phase() == Phase::Armed) == memory.armed.is_some());
         }
     }
 }

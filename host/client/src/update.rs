@@ -156,8 +156,9 @@ impl Updating {
         (since.elapsed() > longest).then_some(why)
     }
 
-    /// Makes the hub delete an image that is not complete or not checked. If this request fails, the hub deletes the
-    /// image at its next reset.
+    /// Makes the hub discard an image that is not complete or not checked, also during the check. If this request fails
+    /// before the check, the image is never started. If the request fails during the check, a correct image starts at the
+    /// hub's next reset. The next update discards both.
     pub fn abandon(&self, session: &mut Session) {
         if matches!(self.stage, Stage::Sending(_) | Stage::Checking) {
             let _ = session.command(HubFunction::AbandonUpdate);

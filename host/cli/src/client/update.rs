@@ -79,8 +79,8 @@ impl Options {
         let (image, signature) = self.read()?;
         let session = &mut hub.open(None)?;
         let before = session.version()?;
-        // After a signal the command makes the hub delete the image, so that the hub does not wait for the remaining
-        // chunks.
+        // After a signal the command makes the hub discard the image, so that the hub neither waits for the remaining
+        // chunks nor starts the image at its next reset.
         interrupt::listen()?;
         let bar = progress(Some(image.bytes.len() as u64), "bytes");
         let mut updating = Updating::begin(session, image, signature)?;
