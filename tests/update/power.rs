@@ -125,6 +125,7 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
             // The firmware hangs, and the watchdog resets the chip.
             (Booted::OnTrial, 2) => version = boot(chip)?,
             (Booted::OnTrial, _) => panic!("the firmware before is not on trial"),
+            (Booted::Reverted, 2) => panic!("the new firmware is not the firmware before"),
             (_, 2) => {
                 assert!(good, "what hangs is confirmed");
                 return Ok(());

@@ -20,11 +20,15 @@
 //! | words | content |
 //! |---|---|
 //! | 1 | swap mark |
-//! | 1 | blank; 0 while the bootloader erases the progress, after it has restored the previous firmware |
+//! | 1 | blank; 0 while the state is erased, after the previous firmware was restored or the firmware was confirmed |
 //! | 4 N | progress: the number of words without a blank byte, from the first word on |
 //! | rest | unused |
 //! | 96 bytes | length and signature of the new firmware; blank if it is not signed |
 //! | N | [`PageSums`] of the pages, in descending order: page 0 is last |
+//!
+//! If the second word is not blank, embassy-boot takes the swap as ended and the previous firmware as restored. The
+//! progress then counts as 4 N. If the power has failed while new firmware confirmed itself, the new firmware does not
+//! have the checksums of the previous firmware, so the swap is stale: the new firmware is started and is confirmed.
 
 use super::{BLANK, StateFlash, WORD, checksum};
 use embassy_boot::FirmwareState;
@@ -37,6 +41,9 @@ const SWAP: u8 = 0xF0;
 /// which is not public.
 #[cfg(feature = "signed")]
 const REVERTED: u8 = 0xC0;
+
+/// Index of the word that is blank while the progress is valid.
+const VALIDITY_AT: u32 = 1;
 
 /// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
@@ -159,6 +166,7 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
 }
 
 /// Returns the progress of the marked swap, with this number of pages in the active slot. `None` if no swap is marked.
+/// The progress is 4 N if the power has failed before an erasure of the state.
 pub(super) async fn progress<S: NorFlash>(
     state: &mut StateFlash<S>,
     pages: u32,
@@ -168,6 +176,10 @@ pub(super) async fn progress<S: NorFlash>(
     state.read(0, word).await?;
     if word.iter().any(|byte| *byte != SWAP) {
         return Ok(None);
+    }
+    state.read(VALIDITY_AT * S::WRITE_SIZE as u32, word).await?;
+    if word.iter().any(|byte| *byte != BLANK) {
+        return Ok(Some(4 * pages));
     }
     let mut progress = 0;
     while progress < 4 * pages {
