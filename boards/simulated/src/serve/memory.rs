@@ -11,6 +11,8 @@ use std::path::Path;
 const PAGE: u32 = 16 * 1024;
 /// Size of the store in bytes.
 const SIZE: u32 = 2 * PAGE;
+/// Number of erased bytes at the beginning of a page whose erasure was interrupted: at least a sector of a disk.
+const SECTOR: usize = 512;
 
 /// Error of opening a file as the store of settings.
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +34,9 @@ pub enum MemoryError {
         path: String,
     },
     /// The file is not a store of settings.
-    #[error("{path} is not a store of a hub's settings: it has {size} bytes; a store has {SIZE} bytes")]
+    #[error(
+        "{path} with {size} bytes is not a store of a hub's settings; a store has {SIZE} bytes, written by a hub; give another file"
+    )]
     NotAStore {
         /// The file.
         path: String,
@@ -49,7 +53,8 @@ impl Memory {
     /// Opens or creates a file, and locks it: no other hub can use the file while this hub runs.
     ///
     /// If the file is too short and has only erased bytes, erased bytes are appended up to the full size. Creating a
-    /// file on a full disk leaves such a file.
+    /// file on a full disk leaves such a file. In a file of the full size each page must begin as a hub writes it. A file
+    /// that is not a store is not changed.
     ///
     /// # Errors
     /// If the file cannot be read and written, is in use by another hub, or is not a store.
@@ -63,17 +68,18 @@ impl Memory {
             Err(TryLockError::WouldBlock) => return Err(MemoryError::InUse { path: shown() }),
             Err(TryLockError::Error(error)) => return Err(at(error)),
         }
-        let size = file.metadata().map_err(at)?.len();
-        if size != u64::from(SIZE) {
-            let mut begun = Vec::new();
-            // One byte more than a store has is enough to find that the file is too long.
-            (&file).take(u64::from(SIZE) + 1).read_to_end(&mut begun).map_err(at)?;
-            let rest = (SIZE as usize).checked_sub(begun.len());
-            let Some(rest) = rest.filter(|_| begun.iter().all(|byte| *byte == 0xFF)) else {
-                return Err(MemoryError::NotAStore { path: shown(), size });
-            };
-            file.write_all(&vec![0xFF; rest]).map_err(at)?;
-        }
+        let mut bytes = Vec::new();
+        // One byte more than a store has is enough to find that the file is too long.
+        (&file).take(u64::from(SIZE) + 1).read_to_end(&mut bytes).map_err(at)?;
+        let rest = (SIZE as usize).checked_sub(bytes.len()).filter(|rest| match rest {
+            0 => bytes.chunks(PAGE as usize).all(may_be_a_page),
+            _ => is_erased(&bytes),
+        });
+        let Some(rest) = rest else {
+            let size = file.metadata().map_err(at)?.len();
+            return Err(MemoryError::NotAStore { path: shown(), size });
+        };
+        file.write_all(&vec![0xFF; rest]).map_err(at)?;
         Ok(Self(file))
     }
 
@@ -89,6 +95,17 @@ impl Memory {
         let moved = self.0.seek(SeekFrom::Start(offset.into()));
         moved.and_then(|_| act(&mut self.0)).map_err(|_| NorFlashErrorKind::Other)
     }
+}
+
+fn is_erased(bytes: &[u8]) -> bool {
+    bytes.iter().all(|byte| *byte == 0xFF)
+}
+
+/// True if a page begins as a hub writes it: with a mark of zeros and the checksum of an item, which is never 0, or with
+/// erased bytes. The program may have been killed while it erased or wrote the page.
+fn may_be_a_page(page: &[u8]) -> bool {
+    let is_marked = page.starts_with(&[0; 4]) && !page.starts_with(&[0; 8]);
+    is_marked || page.get(..SECTOR).is_some_and(is_erased)
 }
 
 impl ErrorType for Memory {

@@ -21,6 +21,7 @@ mod heading;
 mod host;
 mod interventions;
 mod lines;
+mod memory;
 mod runs;
 mod scenarios;
 mod wires;
