@@ -582,8 +582,17 @@ impl Relay {
         }
     }
 
+    /// Makes the hub discard new firmware that it has not started, and disables all motors. The caller then drops the
+    /// relay.
+    pub fn end(&mut self, why: &str) {
+        if let (Some(update), Some(session)) = (self.update.take(), &mut self.session) {
+            update.abandon(session);
+        }
+        self.switch_off(why);
+    }
+
     /// Disables all motors, and sends a notice to all pages.
-    pub fn switch_off(&mut self, why: &str) {
+    fn switch_off(&mut self, why: &str) {
         (self.identification, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(

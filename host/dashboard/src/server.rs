@@ -89,7 +89,7 @@ impl Server {
         format!("{root}/?token={}", self.admission.token())
     }
 
-    /// Serves the hub at a place until `stop` is set, then disables its motors.
+    /// Serves the hub at a place until `stop` is set, then ends a running update and disables the hub's motors.
     pub fn run(self, place: Place, stop: &AtomicBool) {
         let (events, received) = mpsc::channel();
         let Self { listener, admission, .. } = self;
@@ -98,7 +98,7 @@ impl Server {
     }
 }
 
-/// Passes events to the relay, and calls the relay for each frame, until `stop` is set. Then disables all motors.
+/// Passes events to the relay, and calls the relay for each frame, until `stop` is set. Then ends the relay.
 fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     let mut next = Instant::now();
     while !stop.load(Ordering::Relaxed) {
@@ -117,7 +117,7 @@ fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
             relay.watch();
         }
     }
-    relay.switch_off("the server has ended");
+    relay.end("the server has ended");
 }
 
 /// An address that other machines can reach. For a server that listens at all addresses it is the source address of

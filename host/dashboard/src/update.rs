@@ -60,6 +60,11 @@ impl Update {
         }
     }
 
+    /// Makes the hub discard the image, unless the hub restarts with the image already.
+    pub(crate) fn abandon(&self, session: &mut Session) {
+        self.updating.abandon(session);
+    }
+
     /// Returns a failure if nothing has happened for too long, else `None`.
     pub(crate) fn late(&self) -> Option<Progress> {
         self.updating.late().map(|why| self.failed(why))

@@ -12,7 +12,7 @@ mod page;
 
 use dashboard::proposal::catalogue_motor;
 use dashboard::{Opened, Place};
-use hub_support::{Hub, Memory, Server, responder_at};
+use hub_support::{Hub, Memory, SLOT, Server, responder_at, started};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::state::StoreReport;
@@ -24,6 +24,7 @@ use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::store::Outcome;
 use motor_hub::units::{Coefficient, Micros, Millivolts};
+use motor_hub::update::{Booted, Phase};
 use motor_hub_client::Session;
 use motor_hub_client::session::TRANSMISSIONS;
 use page::Page;
@@ -417,6 +418,21 @@ fn firmware_with_half_a_byte_is_refused() {
         let refused = page.until("a refusal", |message| message["kind"] == "refused");
         assert_eq!(refused["why"], "the part has other signs than pairs of hexadecimal digits");
     }
+}
+
+#[test]
+fn a_dashboard_that_ends_while_the_hub_checks_new_firmware_leaves_no_armed_image() {
+    let server = Server::start(Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() });
+    let place = server.address.clone();
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
+    let mut page = Page::new(Place::real("a hub", open.clone()));
+    // Stack pointer and reset vector.
+    page.order(&json!({ "firmware": { "offset": 0, "hex": "0000022099010208" } }));
+    page.order(&json!({ "update": { "version": "new" } }));
+    page.until("a check", |message| message["text"] == "The hub checks the firmware.");
+    page.end();
+    let report = open(None).unwrap().session.update_state().unwrap();
+    assert_eq!((report.phase, report.received), (Phase::Nothing, 8));
 }
 
 /// Refuses requests to the motors 2 and 3, as a hub with two motors.

@@ -26,6 +26,12 @@ impl Page {
         self.relay.handle(Event::Ordered(1, order.to_string()));
     }
 
+    /// Ends the relay, as a server does that ends.
+    #[allow(dead_code, reason = "not each test ends the relay")]
+    pub(crate) fn end(mut self) {
+        self.relay.end("the server has ended");
+    }
+
     /// Returns the first message that `is` accepts. Fails if the relay drops its session before that message.
     pub(crate) fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + Duration::from_secs(10);
