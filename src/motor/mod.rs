@@ -772,7 +772,7 @@ impl Motor {
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
             // without counts is then reported as stalled.
-            stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
+            stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(self.period),
             identification: self.identification,
             faults: Faults {
                 battery_unknown: battery.is_none(),

@@ -80,8 +80,8 @@ const AT_SPEED_VOLTS: f32 = 1.0;
 /// | `OpenBridge`, `FromOpenLoop` | restarts with the current that balances the load | restarts |
 /// | `FromBrake`, `FromStop` | restarts with a current of zero | restarts |
 ///
-/// If the motor is [stalled](Regulator::is_stalled), every transition is treated as if the motor left its stop: both
-/// regulators set the estimated load to 0, and PID restarts as after `FromStop`. Only `OpenBridge` restarts PID as the
+/// If the encoder of a motor that should turn has sent no count for 100 ms, every transition is treated as if the motor
+/// left its stop: both regulators set the estimated load to 0, and PID restarts as after `FromStop`. Only `OpenBridge` restarts PID as the
 /// table says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
@@ -246,7 +246,7 @@ impl Regulator {
 
     /// Prepares the regulator for another target or mode, or for an open bridge.
     pub fn transition(&mut self, transition: Transition) {
-        let leaves_stop = transition == Transition::FromStop || self.is_stalled();
+        let leaves_stop = transition == Transition::FromStop || self.stalled_ms >= STALLED_MS;
         if matches!(transition, Transition::FromOpenLoop | Transition::FromBrake) {
             // Without regulation the estimated load has come to include the friction of the present motion.
             self.law.set_friction_speed(self.observer.speed());
@@ -409,9 +409,10 @@ impl Regulator {
         self.observer.external_acceleration(&self.plant)
     }
 
-    /// True if the motor should turn at 40 counts/s or more, but the encoder has sent no count for 100 ms of ticks.
-    pub const fn is_stalled(&self) -> bool {
-        self.stalled_ms >= STALLED_MS
+    /// True if the motor has to turn at 40 counts/s or more, but the encoder has sent no count for 100 ms of ticks.
+    pub const fn is_stalled(&self, period: Period) -> bool {
+        // The first tick has counted its period, although the request began at its end.
+        self.stalled_ms >= STALLED_MS + period.as_millis()
     }
 
     /// Acceleration per volt in counts/s²: configured, estimated or the initial guess.
@@ -466,12 +467,12 @@ impl Regulator {
                 self.loops.step(demand, &inputs, context)
             }
         };
+        self.requested = output.speed;
         self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
             0
         };
-        self.requested = output.speed;
         output
     }
 
