@@ -5,10 +5,12 @@ use motor_hub::group::{Course, DEFAULT_TOLERANCE, GroupCommand, Halt, default_la
 use motor_hub::hub::Command;
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
+use motor_hub::motor::{Report, SenseLine};
 use motor_hub::units::CountsPerSecond;
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Expectation, Expected, Quantity, Subject};
 use simulated::scheme::{BlendChoice, BlendError};
+use simulated::without_tasks;
 
 const SOUND: &str = r#"name = "test"
 duration_s = 2.0
@@ -308,6 +310,34 @@ fn friction_and_cogging_are_shares_of_the_stall_torque_and_stay_so_in_another_mo
             assert!((percent(got) - want).abs() < 1e-12, "{name}: {got} instead of {want} %");
         }
         assert_eq!(cogging.per_turn, 6, "{name}");
+    }
+}
+
+#[test]
+fn the_hub_reads_the_current_line_of_a_scenario() {
+    for (line, state) in [
+        ("absent", SenseLine::Absent),
+        ("sound", SenseLine::Sound),
+        ("stuck-low", SenseLine::NoCurrent),
+        ("stuck-high", SenseLine::Stuck),
+    ] {
+        // The flywheel hardly moves, so the motor draws a constant current from 0.5 s to 1 s.
+        let load = format!("load = {{ inertia_kg_m2 = 50 }}\ncurrent_line = \"{line}\"");
+        let text =
+            SOUND.replace("at_s = 0.0", "at_s = 0.5").replace("load = { inertia_kg_m2 = 0.05 }", &load);
+        let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
+        let mut report = Report::INITIAL;
+        without_tasks::run(&scenario, |moment| {
+            if moment.ms == 900 {
+                report = moment.snapshot.motors[0];
+            }
+        })
+        .expect("it runs");
+        assert_eq!(report.sense_line, state, "{line}");
+        if let Some(measured) = report.measured {
+            let error_ma = measured.get() - report.current.get();
+            assert!(error_ma.abs() < 100, "{line}: {error_ma} mA");
+        }
     }
 }
 

@@ -14,7 +14,6 @@ use std::sync::{Mutex, PoisonError};
 mod bus;
 mod chain;
 mod coefficients;
-mod currents;
 mod devices;
 mod files;
 mod heading;
