@@ -66,49 +66,29 @@ fn all_schemes() -> impl Iterator<Item = Settings> {
 const PERIODS: [u32; 4] = [5, 10, 25, 50];
 
 #[test]
-fn an_encoder_unplugged_from_the_start_is_at_fault_within_250_ms_of_strong_drive() {
-    for period in PERIODS {
-        for setpoint in [velocity(2_000), velocity(-1_500), position(50_000, 10, 2_000)] {
-            let mut bench = set_up(period);
-            bench.axes[0].cable = Cable::Unplugged;
-            bench.set(0, setpoint);
-            // This control value turns every motor that is not blocked.
-            while bench.control(0).get().abs() < 20_000 {
-                bench.run_ms(1);
-                assert!(bench.ms <= 200, "{period} ms period: no strong drive");
-            }
-            let ms = run_until_fault(&mut bench);
-            // The drive may have become strong in the middle of a period.
-            assert!(ms <= 250 + u64::from(period), "{period} ms period: after {ms} ms");
-            assert_eq!(fault(&bench), Some(EncoderFault::Stuck));
-            assert_eq!(bench.report().drive, Drive::COAST);
-        }
-    }
-}
-
-#[test]
-fn an_encoder_with_one_broken_wire_is_at_fault_within_250_ms_of_strong_drive_at_every_period() {
+fn an_encoder_broken_from_the_start_is_at_fault_within_250_ms_of_strong_drive() {
     for period in [1, 2, 5, 10, 20, 50, 60, 80, 100] {
-        for settings in settings() {
-            let configured = settings.dynamics.is_some();
-            for from in [0, 1_500] {
-                let mut bench = with(period, settings);
-                bench.set(0, velocity(from));
-                bench.run_ms(2_000);
-                bench.axes[0].cable = Cable::OneWire;
-                bench.set(0, velocity(1_000));
-                while bench.control(0).get().abs() < 28_000 {
-                    bench.run_ms(1);
-                    assert!(bench.ms <= 3_000, "{period} ms period: no strong drive");
+        for cable in [Cable::Unplugged, Cable::OneWire] {
+            for settings in settings() {
+                for setpoint in [velocity(2_000), velocity(-1_500), position(50_000, 10, 2_000)] {
+                    let mut bench = with(period, settings);
+                    bench.axes[0].cable = cable;
+                    bench.set(0, setpoint);
+                    // This control value turns every motor that is not blocked.
+                    while bench.control(0).get().abs() < 20_000 {
+                        bench.run_ms(1);
+                        assert!(bench.ms <= 200, "{period} ms period: no strong drive");
+                    }
+                    let ms = run_until_fault(&mut bench);
+                    let configured = settings.dynamics.is_some();
+                    // The drive may have become strong in the middle of a period.
+                    assert!(
+                        ms <= 250 + u64::from(period),
+                        "{cable:?}, {period} ms period, configured: {configured}: after {ms} ms"
+                    );
+                    assert_eq!(fault(&bench), Some(EncoderFault::Stuck));
+                    assert_eq!(bench.report().drive, Drive::COAST);
                 }
-                let ms = run_until_fault(&mut bench);
-                // The drive may have become strong in the middle of a period.
-                let most = 250 + u64::from(period);
-                assert!(
-                    ms <= most,
-                    "{period} ms period, from {from}, configured: {configured}: after {ms} ms"
-                );
-                assert_eq!(fault(&bench), Some(EncoderFault::Stuck));
             }
         }
     }
@@ -116,8 +96,8 @@ fn an_encoder_with_one_broken_wire_is_at_fault_within_250_ms_of_strong_drive_at_
 
 #[test]
 fn a_motor_at_a_stop_is_probed_at_most_once_and_has_no_fault() {
-    for period in [5, 50, 100] {
-        for settings in settings() {
+    for (cps, reverse) in [(1_500, Mode::Ccw62), (-1_500, Mode::Cw98)] {
+        for (period, settings) in [5, 50, 100].into_iter().flat_map(|ms| settings().map(|one| (ms, one))) {
             let configured = settings.dynamics.is_some();
             // Stiffness at the output shaft, in N m/rad; `None` for a hard stop.
             for stiffness in [None, Some(20.0), Some(100.0), Some(1_000.0)] {
@@ -129,17 +109,26 @@ fn a_motor_at_a_stop_is_probed_at_most_once_and_has_no_fault() {
                 let mut bench = with(period, settings);
                 bench.axes[0].stops = STOPS;
                 bench.axes[0].stiffness = stiffness;
-                bench.set(0, velocity(1_500));
+                bench.set(0, velocity(cps));
                 let (mut probes, mut probing) = (0, false);
                 for _ in 0..15_000 {
                     bench.run_ms(1);
-                    let back = bench.report().drive.mode == Mode::Ccw62 && bench.control(0) < Control::ZERO;
+                    let drives_back = i32::from(bench.control(0).get()) * cps < 0;
+                    let back = bench.report().drive.mode == reverse && drives_back;
                     probes += u32::from(back && !probing);
                     probing = back;
                 }
-                let what = format!("{period} ms, {stiffness:?} N m/rad, configured: {configured}");
+                let what =
+                    format!("{cps} counts/s, {period} ms, {stiffness:?} N m/rad, configured: {configured}");
                 assert_eq!(fault(&bench), None, "{what}");
                 assert!(probes <= 1 && (probes == 1 || stiffness.is_some()), "{what}: {probes} times");
+                if stiffness.is_none() {
+                    assert!(bench.report().stalled && bench.control(0).get().abs() > 20_000, "{what}");
+                    // The motor leaves its stop when the set-point reverses.
+                    bench.set(0, velocity(-cps));
+                    bench.run_ms(500);
+                    assert_eq!((bench.report().stalled, fault(&bench)), (false, None), "{what}");
+                }
             }
         }
     }
@@ -215,32 +204,6 @@ fn an_encoder_that_is_lost_after_a_stall_is_found() {
 }
 
 #[test]
-fn friction_up_to_44_percent_of_stall_raises_no_fault_of_a_sound_encoder() {
-    for period in [1, 10, 50, 100] {
-        for settings in settings() {
-            let configured = settings.dynamics.is_some();
-            // Friction against the motion, of up to 0.4 * 3.8 N m: 44 % of the stall torque of 3.49 N m.
-            for share in [0.2, 0.4] {
-                let mut bench = with(period, settings);
-                for cps in [60, 200, -200, 1_000, -1_000] {
-                    bench.set(0, velocity(cps));
-                    for _ in 0..2_000 {
-                        let moving = bench.report().velocity.to_f64();
-                        bench.axes[0].torque = -3.8 * share * (moving / 5.0).clamp(-1.0, 1.0);
-                        bench.run_ms(1);
-                    }
-                    assert_eq!(
-                        fault(&bench),
-                        None,
-                        "{period} ms, {cps} counts/s, {share}, configured: {configured}"
-                    );
-                }
-            }
-        }
-    }
-}
-
-#[test]
 fn a_reversed_encoder_is_at_fault_within_250_ms_of_running_away() {
     for period in PERIODS {
         for cps in [2_000, -2_000] {
@@ -285,27 +248,6 @@ fn a_fault_is_latched_until_the_motor_is_disabled_and_affects_no_other_motor() {
     bench.run_ms(2_000);
     assert_eq!(fault(&bench), None);
     assert!((bench.report().velocity.round() - 500).abs() < 25);
-}
-
-#[test]
-fn a_stall_at_a_hard_stop_is_no_fault_of_the_encoder() {
-    for period in PERIODS {
-        for cps in [1_500, -1_500] {
-            let mut bench = set_up(period);
-            bench.axes[0].stops = STOPS;
-            bench.set(0, velocity(cps));
-            bench.run_ms(5_000);
-            let report = *bench.report();
-            assert_eq!(report.faults.encoder, None, "{period} ms, {cps} counts/s");
-            assert!(report.stalled, "{period} ms, {cps} counts/s: {report:?}");
-            // The motor is still driven against the stop, and leaves the stop when the set-point reverses.
-            assert!(bench.control(0).get().abs() > 20_000);
-            bench.set(0, velocity(-cps));
-            bench.run_ms(500);
-            assert!(!bench.report().stalled);
-            assert_eq!(fault(&bench), None);
-        }
-    }
 }
 
 #[test]
@@ -545,19 +487,6 @@ fn a_heavy_load_that_reverses_slowly_is_not_taken_for_a_reversed_encoder_in_any_
                 bench.run_ms(6_000);
                 assert_eq!(fault(&bench), None, "{settings:?}: {period} ms, {cps} counts/s");
             }
-        }
-    }
-}
-
-#[test]
-fn an_unknown_motor_that_reverses_slowly_raises_no_fault() {
-    for period in [1, 10, 50] {
-        // Some 400 counts/s² at 12 V. The motor has no counts for 200 ms while its direction reverses.
-        let mut bench = loaded(period, unknown(&neverest_60()), 2.5);
-        for cps in [300, -300, 200] {
-            bench.set(0, velocity(cps));
-            bench.run_ms(5_000);
-            assert_eq!(fault(&bench), None, "{period} ms, {cps} counts/s");
         }
     }
 }

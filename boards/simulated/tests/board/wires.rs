@@ -89,7 +89,7 @@ impl Axis {
             }
         })
         .expect("it runs");
-        known_ms.map(|ms| ms.saturating_sub(breaks_ms))
+        known_ms.map(|ms| ms.checked_sub(breaks_ms).expect("no fault of a sound encoder"))
     }
 }
 
