@@ -34,7 +34,7 @@ mod repeated {
         devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
         link::power_and_coast_reach_the_bridge_within_2_ms,
         link::digital_pins_are_read_and_driven,
-        running::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
+        running::a_bridge_that_switches_itself_off_stops_its_own_motor,
         supply::halted_cores_noisy_encoders_and_open_lines_find_their_registers_set,
         supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
         record::a_panic_is_on_record_with_its_line,

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, expect_speed, four_loads, ms, set_speeds, time_to_safe, with_host};
+use crate::common::{am60, board, booted, four_loads, ms, set_speeds, with_host};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Hit};
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::OVERHEAD;
-use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::requests::{BATTERY, ToHub};
 
 /// Runs while the host sends a keep-alive every second.
 fn run(bench: &mut Bench, host: &mut HostLink, time: Duration) {
@@ -243,56 +243,6 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     // flash with 5 wait states. The test assumes that every instruction misses the caches.
     assert!(6 * longest < board().core_hz() / 46_080, "{longest}");
     assert!(crate::common::log(&mut bench).contains("encoder: Some(Stuck)"));
-}
-
-#[test]
-fn garbled_words_do_no_harm_and_the_line_recovers() {
-    let (mut bench, mut host) = with_host(vec![am60(); 4]);
-    set_speeds(&mut bench, &mut host);
-    bench.garble_serial(20_000, 7);
-    let mut answers = 0;
-    for _ in 0..150 {
-        host.send(&mut bench, ToHub::Bulk);
-        bench.run(ms(10));
-        answers += host.arrivals(&mut bench).len();
-    }
-    println!("{answers} of 150 requests answered with 2 % of the words garbled");
-    // More answers than requests would show that the hub reads old bytes again, for example an old "enable".
-    assert!((75..150).contains(&answers), "{answers}");
-    bench.garble_serial(0, 7);
-    bench.run(ms(60));
-    host.keep_alive(&mut bench);
-    expect_speed(&mut bench, 0..4, 30.0);
-    bench.assert_sound();
-}
-
-#[test]
-fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
-    let (mut bench, mut host) = with_host(vec![am60(); 4]);
-    let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
-    // The last packet comes at different phases of the control tick.
-    for phase in [0, 13, 26, 39] {
-        set_speeds(&mut bench, &mut host);
-        let tick = bench.now().as_millis() as u64 / 50 * 50;
-        bench.run_until(ms(tick + 100 + phase));
-        let last = host.send(&mut bench, Standard::KeepAlive);
-        bench.run(ms(2400));
-        assert!((0..4).all(|motor| !bench.lines(motor).open()));
-        bench.run(ms(300));
-        for motor in 0..4 {
-            let at = time_to_safe(&mut bench, motor, last);
-            (soonest, latest) = (soonest.min(at), latest.max(at));
-        }
-        host.arrivals(&mut bench);
-    }
-    println!(
-        "time to safe: {:8.3} to {:.3} ms  host silent",
-        1e3 * soonest.as_secs_f64(),
-        1e3 * latest.as_secs_f64()
-    );
-    // The command reaches the pins within 2 ms.
-    assert!(soonest >= ms(2500) && latest <= ms(2502), "{soonest:?} to {latest:?}");
-    bench.assert_sound();
 }
 
 #[test]

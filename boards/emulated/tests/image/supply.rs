@@ -125,22 +125,6 @@ fn a_battery_that_breaks_down_opens_the_bridges_within_4_ms() {
     bench.assert_sound();
 }
 
-#[test]
-fn an_unconnected_battery_pin_has_no_voltage() {
-    on(Board::NucleoF429zi, || {
-        let mut bench = turning(four_loads());
-        let at = bench.now();
-        bench.open_battery_pin(true);
-        bench.run(ms(1000));
-        for motor in 0..4 {
-            let time = time_to_safe(&mut bench, motor, at);
-            assert!(time < ms(4), "bridge {motor}: {time:?}");
-        }
-        assert!(log(&mut bench).contains("battery None"), "{}", log(&mut bench));
-        bench.assert_sound();
-    });
-}
-
 /// Expects four motors to keep their speed until the log's buffer is full and longer, with new duties in every second.
 fn runs_on_unread(bench: &mut Bench) {
     for second in 0..15 {

@@ -104,10 +104,14 @@ impl Fault {
         match self {
             Self::HostGarbled(_) => {
                 // The host continues to send, whether or not it gets answers.
+                let (mut requests, mut answers) = (0, 0);
                 while run.now() < end {
-                    run.send_keep_alive();
+                    answers += run.send_keep_alive();
+                    requests += 1;
                     run.pass(REQUEST_INTERVAL);
                 }
+                // More answers than requests would show that the hub reads old bytes again, for example an old "enable".
+                assert!(answers <= requests, "{answers} answers to {requests} requests");
             }
             // These faults last longer than the hub waits for its host, so the host must send keep-alives.
             Self::LogAbandoned | Self::Encoder(Encoder::Reversed) => {

@@ -63,6 +63,20 @@ fn disturbed(row: &Row, other: &OtherResult) -> bool {
     (must_answer && !answered) || other.disturbed != must_stop
 }
 
+/// Faults whose detection needs a part of the chip. The long tests have all faults.
+#[test]
+fn some_faults_end_as_they_should() {
+    let rows = [
+        "encoder unplugged",
+        "A and B swapped",
+        "bridge switched itself off",
+        "host silent",
+        "2 % of its words garbled",
+        "nothing connected to the battery's pin",
+    ];
+    run_rows(Setup::AsTheyCome, on_one_hub(&rows.map(named)));
+}
+
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_fault_in_every_mode_ends_as_it_should() {

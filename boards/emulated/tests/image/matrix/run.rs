@@ -264,11 +264,12 @@ impl Run {
         self.host.to(self.faulty.address).keep_alive(&mut self.chain);
     }
 
-    /// Sends a keep-alive like [`keep_alive`](Self::keep_alive), but waits for no answer. Answers that have arrived
-    /// before are discarded.
-    pub(crate) fn send_keep_alive(&mut self) {
-        self.host.arrivals(self.chain.first());
+    /// Sends a keep-alive like [`keep_alive`](Self::keep_alive), but waits for no answer. Returns the number of answers that have
+    /// arrived before. These answers are discarded.
+    pub(crate) fn send_keep_alive(&mut self) -> usize {
+        let answers = self.host.arrivals(self.chain.first()).len();
         self.host.to(self.faulty.address).send(&mut self.chain, Standard::KeepAlive);
+        answers
     }
 
     /// Makes the hub that has the faults save its settings.
