@@ -12,6 +12,7 @@ use std::hash::{Hash, Hasher};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use delegate::delegate;
 use rigless::cpu::armv7m::Window;
 use rigless::emulator::{
     Access, AccessKind, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
@@ -214,48 +215,6 @@ impl Processor for ReusedCore {
         self.processor_mut().check_words(words);
     }
 
-    // The following methods only pass their call on to the processor.
-
-    fn retired(&self) -> u64 {
-        self.processor().retired()
-    }
-
-    fn maps(&self, start: u64, length: u64) -> bool {
-        self.processor().maps(start, length)
-    }
-
-    fn page_size(&self) -> u64 {
-        self.processor().page_size()
-    }
-
-    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.processor_mut().boot(table, read);
-    }
-
-    fn reset(&mut self) {
-        self.processor_mut().reset();
-    }
-
-    fn take_reset_request(&mut self) -> bool {
-        self.processor_mut().take_reset_request()
-    }
-
-    fn next_event(&self) -> Option<VirtualNanos> {
-        self.processor().next_event()
-    }
-
-    fn on_event(&mut self, now: VirtualNanos) {
-        self.processor_mut().on_event(now);
-    }
-
-    fn waiting(&self) -> bool {
-        self.processor().waiting()
-    }
-
-    fn pc(&self) -> u64 {
-        self.processor().pc()
-    }
-
     fn remove_breakpoint(&mut self, address: u64) {
         // The processor counts how often a breakpoint was added, so the breakpoint must be removed as often.
         if let Some(place) = self.breakpoints.iter().position(|&asked| asked == address) {
@@ -264,74 +223,43 @@ impl Processor for ReusedCore {
         self.processor_mut().remove_breakpoint(address);
     }
 
-    fn pass_breakpoint(&mut self, address: u64) {
-        self.processor_mut().pass_breakpoint(address);
-    }
-
-    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.processor().gdb_register(number)
-    }
-
-    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.processor_mut().set_gdb_register(number, bytes)
-    }
-
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
-        self.processor_mut().debugger_access(write, address, width, now)
-    }
-
-    fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.processor_mut().take_debugger_trace()
-    }
-
-    fn target_xml(&self) -> &'static str {
-        self.processor().target_xml()
-    }
-
-    fn data_model(&self) -> DataModel {
-        self.processor().data_model()
-    }
-
-    fn byte_order(&self, address: u64) -> Endian {
-        self.processor().byte_order(address)
-    }
-
-    fn save(&self) -> Vec<u8> {
-        self.processor().save()
-    }
-
-    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.processor_mut().load(bytes)
-    }
-
-    fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.processor_mut().monitor_command(command)
-    }
-
-    fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.processor_mut().debugger_halted(why)
-    }
-
-    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.processor().bit_alias(address, width)
-    }
-
-    fn own_ranges(&self) -> Vec<Range<u64>> {
-        self.processor().own_ranges()
-    }
-
-    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.processor().host_call(read)
-    }
-
-    fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.processor_mut().answer_host_call(answer);
+    delegate! {
+        to self.processor() {
+            fn retired(&self) -> u64;
+            fn maps(&self, start: u64, length: u64) -> bool;
+            fn page_size(&self) -> u64;
+            fn next_event(&self) -> Option<VirtualNanos>;
+            fn waiting(&self) -> bool;
+            fn pc(&self) -> u64;
+            fn gdb_register(&self, number: usize) -> Option<Vec<u8>>;
+            fn target_xml(&self) -> &'static str;
+            fn data_model(&self) -> DataModel;
+            fn byte_order(&self, address: u64) -> Endian;
+            fn save(&self) -> Vec<u8>;
+            fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias>;
+            fn own_ranges(&self) -> Vec<Range<u64>>;
+            fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall>;
+        }
+        to self.processor_mut() {
+            fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>);
+            fn reset(&mut self);
+            fn take_reset_request(&mut self) -> bool;
+            fn on_event(&mut self, now: VirtualNanos);
+            fn pass_breakpoint(&mut self, address: u64);
+            fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool;
+            fn debugger_access(
+                &mut self,
+                write: Option<u64>,
+                address: u64,
+                width: Width,
+                now: VirtualNanos,
+            ) -> Option<u64>;
+            fn take_debugger_trace(&mut self) -> Vec<u8>;
+            fn load(&mut self, bytes: &[u8]) -> Result<(), Error>;
+            fn monitor_command(&mut self, command: &str) -> Option<String>;
+            fn debugger_halted(&mut self, why: HaltReason) -> bool;
+            fn answer_host_call(&mut self, answer: Option<u64>);
+        }
     }
 }
 
@@ -354,35 +282,16 @@ impl CoreBus for Outside<'_> {
         }
     }
 
-    fn time(&self, instructions: u64) -> VirtualNanos {
-        self.bus.time(instructions)
-    }
-
-    fn queued(&mut self) -> Vec<Queued> {
-        self.bus.queued()
-    }
-
-    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.bus.carry_on(instructions, event)
-    }
-
-    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.bus.acknowledge(line, instructions)
-    }
-
-    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.bus.read_checked(access, report)
-    }
-
-    fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.bus.write_checked(access)
-    }
-
-    fn stops_before(&mut self, access: &Access) -> bool {
-        self.bus.stops_before(access)
-    }
-
-    fn send_trace(&mut self, bytes: &[u8]) {
-        self.bus.send_trace(bytes);
+    delegate! {
+        to self.bus {
+            fn time(&self, instructions: u64) -> VirtualNanos;
+            fn queued(&mut self) -> Vec<Queued>;
+            fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32>;
+            fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64>;
+            fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked>;
+            fn write_checked(&mut self, access: Access) -> Option<bool>;
+            fn stops_before(&mut self, access: &Access) -> bool;
+            fn send_trace(&mut self, bytes: &[u8]);
+        }
     }
 }

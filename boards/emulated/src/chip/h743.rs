@@ -6,6 +6,7 @@
 
 use std::path::Path;
 
+use delegate::delegate;
 use rigless::chip::uart::Errors;
 use rigless::cpu::armv7m::{Window, windows};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
@@ -181,16 +182,12 @@ impl Mcu for Chip {
         self.buses.iter_mut().for_each(Device::reset);
     }
 
-    fn bus(&self) -> &Bus {
-        self.part.bus()
-    }
-
-    fn bus_mut(&mut self) -> &mut Bus {
-        self.part.bus_mut()
-    }
-
-    fn poll(&mut self, now: VirtualNanos) {
-        self.part.poll(now);
+    delegate! {
+        to self.part {
+            fn bus(&self) -> &Bus;
+            fn bus_mut(&mut self) -> &mut Bus;
+            fn poll(&mut self, now: VirtualNanos);
+        }
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
