@@ -42,6 +42,7 @@ use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds,
 use super::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 use super::train::{Output, ShaftState, Train, WindowEnd};
 use crate::bridge::{Mode, State};
+use core::ops::Sub;
 
 /// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without
 /// unit. The relative error `(w h)² / 24` of the module's documentation is then 0.1 %.
@@ -131,6 +132,28 @@ impl Flow {
         self.friction_heat.0 += next.friction_heat.0;
         self.train_heat.0 += next.train_heat.0;
         self.load_work.0 += next.load_work.0;
+    }
+}
+
+impl Sub for Flow {
+    type Output = Self;
+
+    /// Returns the flow since an earlier total.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            time: Seconds(self.time.0 - earlier.time.0),
+            charge: Coulombs(self.charge.0 - earlier.charge.0),
+            charge_shown: Coulombs(self.charge_shown.0 - earlier.charge_shown.0),
+            energy_from_battery: Joules(self.energy_from_battery.0 - earlier.energy_from_battery.0),
+            energy_to_battery: Joules(self.energy_to_battery.0 - earlier.energy_to_battery.0),
+            charge_from_battery: Coulombs(self.charge_from_battery.0 - earlier.charge_from_battery.0),
+            charge_to_battery: Coulombs(self.charge_to_battery.0 - earlier.charge_to_battery.0),
+            heat: Joules(self.heat.0 - earlier.heat.0),
+            shaft_work: Joules(self.shaft_work.0 - earlier.shaft_work.0),
+            friction_heat: Joules(self.friction_heat.0 - earlier.friction_heat.0),
+            train_heat: Joules(self.train_heat.0 - earlier.train_heat.0),
+            load_work: Joules(self.load_work.0 - earlier.load_work.0),
+        }
     }
 }
 

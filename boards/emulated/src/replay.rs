@@ -21,7 +21,6 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::group::Pose;
-use motor_hub::model::plant::Flow;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
@@ -283,7 +282,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     }
     if let Some(last) = trace.ticks.last_mut() {
         for (sample, now) in last.motors.iter_mut().zip(&motors) {
-            sample.flow = difference(&now.flow, &sample.flow);
+            sample.flow = now.flow - sample.flow;
         }
     }
     let (battery_v, _) = bench.battery();
@@ -314,23 +313,6 @@ fn note_faults(log: &[LogLine], trace: &mut Trace) {
             };
         }
     }
-}
-
-/// Returns the flow between two totals, `after` minus `before`.
-fn difference(after: &Flow, before: &Flow) -> Flow {
-    let mut flow = *after;
-    flow.time.0 -= before.time.0;
-    flow.charge.0 -= before.charge.0;
-    flow.energy_from_battery.0 -= before.energy_from_battery.0;
-    flow.energy_to_battery.0 -= before.energy_to_battery.0;
-    flow.charge_from_battery.0 -= before.charge_from_battery.0;
-    flow.charge_to_battery.0 -= before.charge_to_battery.0;
-    flow.heat.0 -= before.heat.0;
-    flow.shaft_work.0 -= before.shaft_work.0;
-    flow.friction_heat.0 -= before.friction_heat.0;
-    flow.train_heat.0 -= before.train_heat.0;
-    flow.load_work.0 -= before.load_work.0;
-    flow
 }
 
 /// Returns the command of a bridge, from its lines.
