@@ -26,7 +26,7 @@ use rigless::time::VirtualNanos;
 use crate::board::Board;
 use crate::bridge_lines::{Lines, Transition};
 use crate::chip::Nucleo;
-use crate::elf;
+use crate::elf::{self, Variant};
 use crate::faulty_code;
 use crate::processor::Code;
 use crate::pwm::Grid;
@@ -142,7 +142,11 @@ impl Bench {
     /// Powers on the hub's firmware.
     #[must_use]
     pub fn new(setup: Setup) -> Self {
-        let image = if setup.bootloader { elf::hub_in_slot(setup.board) } else { elf::hub(setup.board) };
+        let image = if setup.bootloader {
+            elf::build(setup.board.name(), Variant::InSlot)
+        } else {
+            elf::hub(setup.board)
+        };
         Self::with_image(setup, &image)
     }
 
@@ -162,7 +166,11 @@ impl Bench {
             images.push(faulty_code::image(divides_by_zero).expect("an image"));
             images.push(Image::new(image, bytes, None).expect("an image"));
             if setup.bootloader {
-                let place = elf::bootloader(setup.board, setup.bootloader_key.as_deref());
+                let package = setup.board.bootloader().expect("a board with a bootloader");
+                let place = elf::build(
+                    package,
+                    setup.bootloader_key.as_deref().map_or(Variant::Usual, Variant::Signed),
+                );
                 let bytes =
                     std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
                 images.push(Image::new(&place, bytes, None).expect("an image"));

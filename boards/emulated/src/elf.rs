@@ -21,30 +21,39 @@ use crate::board::Board;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// How an image is built.
+#[derive(Clone, Copy, Debug)]
+pub enum Variant<'a> {
+    /// The image has the settings of the package.
+    Usual,
+    /// The firmware has this control period, in milliseconds.
+    Period(u32),
+    /// The firmware is for the slot from which the bootloader starts it.
+    InSlot,
+    /// The image accepts only firmware that a signer has signed. This file has the signer's public key.
+    Signed(&'a Path),
+}
+
 /// Builds the image of a package, and returns its ELF file. Cargo builds nothing if the image is up to date.
 ///
 /// # Panics
 /// Panics if the package does not build.
 #[must_use]
-pub fn build(package: &str) -> PathBuf {
-    build_as(package, package, &[], &[])
-}
-
-/// Builds a board's firmware with another control period, in milliseconds.
-///
-/// # Panics
-/// Panics if the firmware does not build.
-#[must_use]
-pub fn hub_with_period(board: Board, ms: u32) -> PathBuf {
-    let (image, period) = (format!("{board}-{ms}-ms"), ms.to_string());
-    // The feature gives the board's crate a build of its own. Otherwise a build with one period would make the build
-    // with the other period stale.
-    build_as(&image, board.name(), &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
-}
-
-/// Builds a package, and copies its ELF file to the name `image`. In the target folder all variants of a package have the same
-/// file.
-fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &str)]) -> PathBuf {
+pub fn build(package: &str, variant: Variant<'_>) -> PathBuf {
+    let (image, options, variable) = match variant {
+        Variant::Usual => (package.to_owned(), None, None),
+        // The feature gives the board's crate a build of its own. Otherwise a build with one period would make the
+        // build with the other period stale.
+        Variant::Period(ms) => {
+            let period = ("CONTROL_PERIOD_MS", ms.to_string());
+            (format!("{package}-{ms}-ms"), Some("--features=own-period"), Some(period))
+        }
+        Variant::InSlot => (format!("{package}-in-slot"), Some("--features=bootloader"), None),
+        Variant::Signed(key) => {
+            let key = ("UPDATE_KEY", key.display().to_string());
+            (format!("{package}-signed"), Some("--features=signed"), Some(key))
+        }
+    };
     let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target");
     let images = target.join("images");
     std::fs::create_dir_all(&images).expect("a folder for images");
@@ -59,7 +68,7 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
         .arg("--target-dir")
         .arg(&target)
         .args(options)
-        .envs(variables.iter().copied())
+        .envs(variable)
         // Variables that `cargo test` sets for this crate are removed. Otherwise the image would be built again each
         // time.
         .env_remove("RUSTFLAGS")
@@ -67,42 +76,12 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
         .env_remove("CARGO_TARGET_DIR");
     let status = command.status().expect("cargo runs");
     assert!(status.success(), "{package} does not build for {TARGET}");
-    // A rename replaces the old file, which another process may be reading.
+    // All variants of a package have the same file in the target folder, so it is copied to a name of its own. A rename
+    // replaces the old file, which another process may be reading.
     let (new, place) = (images.join("new"), images.join(image));
     std::fs::copy(target.join(TARGET).join("firmware").join(package), &new).expect("a copy of the image");
     std::fs::rename(&new, &place).expect("a new name for it");
     place
-}
-
-/// Builds a board's firmware for the slot from which the bootloader starts it.
-///
-/// # Panics
-/// Panics if the firmware does not build.
-#[must_use]
-pub fn hub_in_slot(board: Board) -> PathBuf {
-    build_as(&format!("{board}-in-slot"), board.name(), &["--features", "bootloader"], &[])
-}
-
-/// Builds an image that accepts only signed updates. `key` is the file of the signer's public key.
-///
-/// # Panics
-/// Panics if the image does not build.
-#[must_use]
-pub fn hub_that_asks_for_signatures(board: Board, key: &Path) -> PathBuf {
-    let key = key.display().to_string();
-    build_as(&format!("{board}-signed"), board.name(), &["--features", "signed"], &[("UPDATE_KEY", &key)])
-}
-
-/// Builds a board's bootloader. With the file of a signer's public key it swaps in only firmware that the signer has signed.
-///
-/// # Panics
-/// Panics if the board has no bootloader, or the bootloader does not build.
-#[must_use]
-pub fn bootloader(board: Board, key: Option<&Path>) -> PathBuf {
-    let package = board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader"));
-    let Some(key) = key else { return build(package) };
-    let key = key.display().to_string();
-    build_as(&format!("{package}-signed"), package, &["--features", "signed"], &[("UPDATE_KEY", &key)])
 }
 
 /// Why there is no image to run.
@@ -175,7 +154,9 @@ fn in_the_sources() -> Result<(), ImageError> {
 pub fn hub(board: Board) -> PathBuf {
     static BUILT: [OnceLock<PathBuf>; Board::ALL.len()] = [const { OnceLock::new() }; Board::ALL.len()];
     let named = || CHOSEN.get().cloned().or_else(|| std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from));
-    BUILT[board as usize].get_or_init(|| named().unwrap_or_else(|| build(board.name()))).clone()
+    BUILT[board as usize]
+        .get_or_init(|| named().unwrap_or_else(|| build(board.name(), Variant::Usual)))
+        .clone()
 }
 
 /// A function or variable.

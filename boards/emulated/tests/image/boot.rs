@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use crate::common::{am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup};
 use crate::recording::Configuration;
+use emulated::Bench;
+use emulated::elf::{self, Variant};
 use emulated::host_link::HostLink;
-use emulated::{Bench, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -104,8 +105,8 @@ fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
          | period, motor | share |\n|---|---|\n",
         board.core_hz() / 1_000_000
     );
-    let image =
-        if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
+    let variant = if period_ms == 50 { Variant::Usual } else { Variant::Period(period_ms) };
+    let image = elf::build(board.name(), variant);
     let shares = Configuration::ALL.map(|configuration| (configuration, share(&image, configuration)));
     for (configuration, share) in shares {
         table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", configuration.name());

@@ -172,7 +172,7 @@ fn report_of_a_step() {
 fn report_of_the_hub() {
     const MILLISECONDS: u64 = 100;
     for configuration in Configuration::ALL {
-        let image = elf::hub_with_period(board(), 1);
+        let image = elf::build(board().name(), elf::Variant::Period(1));
         let mut bench = crate::boot::at_speed(&image, configuration);
         let counts = bench.profile(ms(MILLISECONDS));
         println!("\n{configuration:?}, 1 ms: instructions per motor and ms");

@@ -141,7 +141,7 @@ fn a_daemons_cycle_takes_at_most_9_ms() {
 /// daemon's cycles, and with the daemon's cycles and a read of eight bytes from an I2C device in each cycle.
 fn loads() -> [f64; 3] {
     const CYCLES: u32 = 40;
-    let mut daemon = Daemon::with_all_devices(&elf::build(board().name()));
+    let mut daemon = Daemon::with_all_devices(&elf::build(board().name(), elf::Variant::Usual));
     daemon.bench.attach(0, RegisterDevice::bno055());
     daemon.drive_base();
     let odometry: OdometryReport = daemon.host.read(&mut daemon.bench, HubFunction::Odometry);

@@ -192,7 +192,7 @@ const CALLS: [&str; 4] = ["::step_motor", "::stepped", "::sample_motor", "::samp
 impl OnChip {
     /// Builds the program, and starts it with the settings of `recording`.
     pub(crate) fn new(recording: &Recording) -> Self {
-        let image = elf::build("budget");
+        let image = elf::build("budget", elf::Variant::Usual);
         let mut bench = Bench::with_image(Setup::new(Vec::new()), &image);
         // The start-up code, which clears the memory, must end before the settings are written.
         bench.run(ms(1));

@@ -173,7 +173,7 @@ fn full() -> (Vec<u8>, u32) {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_save_that_erases_waits_until_motors_are_off_and_delays_no_sample() {
     let (stored, number) = full();
-    let image = elf::hub_with_period(BOARD, 1);
+    let image = elf::build(BOARD.name(), elf::Variant::Period(1));
     let mut bench = on(BOARD, || Bench::with_image(Setup { stored, ..setup(vec![am60()]) }, &image));
     bench.run(ms(500));
     let mut host = HostLink::default();

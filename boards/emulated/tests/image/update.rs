@@ -196,7 +196,7 @@ const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
-    let image = elf::hub_that_asks_for_signatures(BOARD, Path::new(KEY));
+    let image = elf::build(BOARD.name(), elf::Variant::Signed(Path::new(KEY)));
     let mut bench =
         on(BOARD, || Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image));
     bench.run(ms(300));

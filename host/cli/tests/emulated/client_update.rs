@@ -16,7 +16,7 @@ const NEW: &[u8] = b"mh9.9.9\0";
 
 /// The hub's image with another version.
 fn newer() -> Vec<u8> {
-    let mut image = std::fs::read(elf::hub_in_slot(BOARD)).unwrap();
+    let mut image = std::fs::read(elf::build(BOARD.name(), elf::Variant::InSlot)).unwrap();
     assert_eq!(OLD.len(), NEW.len());
     let places: Vec<usize> =
         (0..image.len() - OLD.len()).filter(|at| image[*at..].starts_with(OLD)).collect();
