@@ -34,7 +34,7 @@ impl Options {
         let comparison = in_steps("runs", |step| Comparison::new(self.quick, step)).map_err(Failure::work)?;
         let mut files = drawn(&comparison.figures());
         files.push(("tables.md".to_owned(), comparison.markdown().into_bytes()));
-        let json = self.json.then_some(|files: &[PathBuf]| comparison.json(files));
+        let json = self.json.then_some(|files: &[String]| comparison.json(files));
         folder.publish(files, "Charts (SVG) and tables (Markdown) are", &comparison.text(), json)
     }
 }

@@ -44,7 +44,7 @@ impl Options {
         }
         let learned = Identifications::new(scenario, trace).map_err(Failure::input)?;
         let files = drawn(&[("identify".to_owned(), learned.figure())]);
-        let json = self.json.then_some(|_: &[PathBuf]| learned.json());
+        let json = self.json.then_some(|_: &[String]| learned.json());
         folder.publish(files, "The chart (SVG) is", &learned.tables(), json)?;
         let known = |outcome: &Identification| matches!(outcome, Identification::Found(_));
         match learned.outcomes().filter(|outcome| !known(outcome)).count() {

@@ -178,16 +178,19 @@ impl Folder {
     }
 
     /// Prints the text, writes the files, and says where they are: `what` is such as "Charts (SVG) are". With `json`
-    /// instead writes the files, and prints the document that `json` returns for their paths.
+    /// instead writes the files, and prints the document that `json` returns for their paths. JSON holds Unicode only:
+    /// bytes of a path that are not Unicode become U+FFFD.
     pub(crate) fn publish(
         &self,
         files: Files,
         what: &str,
         text: &str,
-        json: Option<impl FnOnce(&[PathBuf]) -> Value>,
+        json: Option<impl FnOnce(&[String]) -> Value>,
     ) -> Result<(), Failure> {
         if let Some(document) = json {
-            return print_json(&document(&self.write_all(files)?));
+            let written = self.write_all(files)?;
+            let paths: Vec<String> = written.iter().map(|path| path.to_string_lossy().into_owned()).collect();
+            return print_json(&document(&paths));
         }
         print(text)?;
         self.write_all(files)?;

@@ -38,7 +38,7 @@ impl Options {
         let comparison = simulate(scenario).map_err(Failure::work)?;
         let mut files = drawn(&comparison.figures());
         files.extend(comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes())));
-        let json = self.json.then_some(|files: &[PathBuf]| comparison.json(files));
+        let json = self.json.then_some(|files: &[String]| comparison.json(files));
         folder.publish(files, "\nCharts (SVG) and traces (CSV) are", &comparison.tables(), json)?;
         let verdicts = comparison.verdicts();
         match verdicts.iter().filter(|verdict| !verdict.met()).count() {

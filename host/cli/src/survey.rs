@@ -93,7 +93,7 @@ impl Options {
         let page = text::page(parts, self.worst);
         let mut files = drawn(&figures);
         files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
-        let document = |files: &[PathBuf]| json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
+        let document = |files: &[String]| json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
         let json = self.json.then_some(document);
         folder.publish(files, "Charts (SVG) and tables (Markdown) are", &page.terminal(), json)
     }

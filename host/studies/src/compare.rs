@@ -17,7 +17,6 @@ use crate::{NamedFigure, StudyError};
 use row::Row;
 use serde::Serialize;
 use serde_json::json;
-use std::path::PathBuf;
 use tasks::Task;
 use tuning::Tuning;
 use variant::Variant;
@@ -96,7 +95,7 @@ impl Comparison {
     }
 
     /// The results as JSON, for programs.
-    pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
+    pub fn json(&self, files: &[String]) -> serde_json::Value {
         let round = |round: &Round| {
             json!({
                 "tuning": round.tuning,

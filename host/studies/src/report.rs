@@ -12,7 +12,6 @@ use serde_json::json;
 use simulated::scenario::{Motor, Scenario};
 use simulated::scheme::SchemeWords;
 use simulated::trace::Trace;
-use std::path::PathBuf;
 
 /// Name of the run without a braking regime.
 const WITHOUT: &str = "no braking regime";
@@ -55,7 +54,7 @@ impl RunReport {
     }
 
     /// The results as JSON, for programs.
-    pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
+    pub fn json(&self, files: &[String]) -> serde_json::Value {
         let motors = self.scenario.motors.iter().zip(&self.measures);
         let motor = |(motor, [as_set, without]): (&Motor, &[Measures; 2])| {
             let named = json!({

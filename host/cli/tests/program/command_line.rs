@@ -1,6 +1,6 @@
 //! The command line: exit codes, outputs, and what a run shows.
 
-use crate::common::{err, fails, folder, json, motor_hub, out};
+use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -256,6 +256,18 @@ fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
         fails(&output, 2, "nothing can be written");
         assert!(begun.elapsed().as_secs() < 5, "{command:?}");
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_json_document_names_files_also_in_a_folder_that_is_no_unicode() {
+    use std::os::unix::ffi::OsStrExt;
+    let place = folder("no-unicode").join(std::ffi::OsStr::from_bytes(b"b\xffd"));
+    let output =
+        Command::new(PROGRAM).args(["run", "--time-s", "0.2", "--json", "--out"]).arg(&place).output();
+    let files = json(&output.unwrap())["files"].as_array().unwrap().clone();
+    assert!(files.iter().all(|file| file.as_str().unwrap().contains("/b\u{fffd}d/")), "{files:?}");
+    assert_eq!(files.len(), std::fs::read_dir(place).unwrap().count());
 }
 
 #[cfg(not(feature = "emulated"))]
