@@ -62,6 +62,13 @@ fn emf_saturates_far_above_any_battery_and_is_exact_below() {
     assert_eq!(largest.emf(fastest).to_bits(), 131_071 << 20);
     let backwards = CountsPerSecond::saturating_from_bits(i64::MIN);
     assert_eq!(largest.emf(backwards).to_bits(), -(131_071 << 20));
+    // With 16 mV s/count: 131 071 mV is 8191.94 counts/s.
+    let constant = EmfConstant::from_bits(1 << 24).expect("16 mV s/count");
+    for (cps, refused) in [(8191, false), (-8191, false), (8192, true), (-8192, true)] {
+        let speed = CountsPerSecond::new(cps);
+        let expected = if refused { Err(RangeError::Emf) } else { Ok(constant.emf(speed)) };
+        assert_eq!(constant.emf_within_range(speed), expected, "{cps} counts/s");
+    }
 
     // 513 counts/s of a NeveRest 60 no longer fit 32 bits.
     let neverest_60 = Winding::NEVEREST_60.emf;

@@ -200,9 +200,7 @@ impl EmfConstant {
     /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s. With speeds in
     /// whole counts/s it would overflow above 513 counts/s.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
-        // The product has steps of 2^-28 mV. Its magnitude is below 2^56.
-        let product = speed.to_bits() as i64 * self.to_bits() as i64;
-        let bits = (product + (1 << 7)) >> 8;
+        let bits = self.emf_bits(speed);
         let bits = if bits > Emf::MAX {
             Emf::MAX
         } else if bits < -Emf::MAX {
@@ -211,6 +209,25 @@ impl EmfConstant {
             bits
         };
         Emf(I44F20::from_bits(bits))
+    }
+
+    /// Returns the back EMF at `speed`, and refuses what [`emf`](Self::emf) limits.
+    ///
+    /// # Errors
+    /// Returns [`RangeError::Emf`] if the back EMF is not -131.071 to 131.071 V.
+    pub const fn emf_within_range(self, speed: CountsPerSecond) -> Result<Emf, RangeError> {
+        let bits = self.emf_bits(speed);
+        if bits > Emf::MAX || bits < -Emf::MAX {
+            return Err(RangeError::Emf);
+        }
+        Ok(Emf(I44F20::from_bits(bits)))
+    }
+
+    /// Back EMF at `speed` in steps of 2^-20 mV, without a limit: below 2^48.
+    const fn emf_bits(self, speed: CountsPerSecond) -> i64 {
+        // The product has steps of 2^-28 mV. Its magnitude is below 2^56.
+        let product = speed.to_bits() as i64 * self.to_bits() as i64;
+        (product + (1 << 7)) >> 8
     }
 }
 

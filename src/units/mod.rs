@@ -115,6 +115,8 @@ pub(crate) const fn nearest(value: f64) -> Option<i64> {
 pub enum RangeError {
     /// The back-EMF constant must lie above 0 and below 32 mV s/count.
     EmfConstant,
+    /// A back EMF must lie in -131.071 to 131.071 V.
+    Emf,
     /// A voltage must lie in 0 to 65.535 V.
     Voltage,
     /// A resistance must lie in 0.001 to 65.535 ohm.
@@ -157,6 +159,7 @@ impl core::fmt::Display for RangeError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             Self::EmfConstant => "back-EMF constant must be above 0 and below 32 mV s/count",
+            Self::Emf => "back EMF must be -131.071 to 131.071 V",
             Self::Voltage => "voltage must be 0 to 65.535 V",
             Self::Resistance => "resistance must be 0.001 to 65.535 ohm",
             Self::Inductance => "inductance must be 0.001 to 65.535 mH",

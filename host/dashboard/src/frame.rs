@@ -385,7 +385,8 @@ pub(crate) fn settings_of(
 pub(crate) fn points(winding: &Winding, scheme: Scheme, cps: f64, volts: f64) -> Result<Value, RequestError> {
     let cps = within("a speed", cps, 0.0..=MOST_CPS, "counts/s")?;
     let volts = within("a battery", volts, LEAST_VOLTS..=MOST_VOLTS, "V")?;
-    let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));
+    let speed = CountsPerSecond::new(cps.round() as i32);
+    let emf = winding.emf.emf_within_range(speed).map_err(|error| error.to_string())?;
     let battery = Millivolts::new((1e3 * volts).round() as u16);
     let at = OperatingPoint::new(emf, battery).ok_or("points need a battery voltage above 0")?;
     let Points { s, t, z, g } = Points::new(scheme, at);

@@ -90,10 +90,10 @@ impl OperatingReport {
     /// For counter-clockwise motion the points are the mirror image: control values and ordinates are negated.
     ///
     /// # Errors
-    /// If the firmware cannot represent the motor or the battery.
+    /// If the firmware cannot represent the motor, its back EMF or the battery.
     pub fn new(motor: Motor, scheme: Scheme, speed_cps: i32, battery_mv: u16) -> Result<Self, StudyError> {
         let winding = winding(&motor)?;
-        let emf = winding.emf.emf(CountsPerSecond::new(speed_cps));
+        let emf = winding.emf.emf_within_range(CountsPerSecond::new(speed_cps))?;
         let at = OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(StudyError::NoBattery)?;
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let Points { s, t, z, g } = Points::new(scheme, at);

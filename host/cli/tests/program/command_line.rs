@@ -292,6 +292,18 @@ fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
 }
 
 #[test]
+fn a_back_emf_that_the_firmware_cannot_represent_is_refused() {
+    let at = ["--scheme", "A", "--motor", "NeveRest 60", "--battery-mv", "12000", "--speed-cps"];
+    for command in [&["points"][..], &["map", "--control", "1"]] {
+        for speed in ["32876", "-32876"] {
+            let refused = motor_hub(&[command, &at, &[speed]].concat());
+            fails(&refused, 2, "back EMF must be -131.071 to 131.071 V");
+        }
+        assert!(motor_hub(&[command, &at, &["32875"]].concat()).status.success(), "{command:?}");
+    }
+}
+
+#[test]
 fn a_closed_standard_output_ends_a_command_silently() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

@@ -113,6 +113,7 @@ const OUT_OF_RANGE: &str = r#"
 {"device":{"scan":{"bus":4}}} | an I2C bus is 0 to 3, and not 4
 {"points":{"motor":0,"scheme":"A","cps":-1,"volts":12}} | a speed of -1 counts/s is out of range; allowed is 0 to 1000000 counts/s
 {"points":{"motor":0,"scheme":"A","cps":100,"volts":0.5}} | a battery of 0.5 V is out of range; allowed is 1 to 60 V
+{"points":{"motor":0,"scheme":"A","cps":1000000,"volts":12}} | back EMF must be -131.071 to 131.071 V
 {"points":{"motor":0,"scheme":"A","cps":100,"volts":61}} | a battery of 61 V is out of range; allowed is 1 to 60 V
 {"import":{"text":"schema_version = 1\nmotor = []"}} | there is no [[motor]]
 {"explode":null} | unknown variant `explode`

@@ -240,6 +240,41 @@ fn a_bad_case_gets_an_error_and_the_others_are_answered() {
     }
 }
 
+/// The error of one case.
+fn refused(formula: &str, inputs: &Value) -> String {
+    let output = eval(&json!({ "cases": [{ "formula": formula, "inputs": inputs }] }).to_string());
+    let error = results(&output)[0]["error"].as_str().map(str::to_owned);
+    error.unwrap_or_else(|| {
+        panic!("{formula} {inputs} is answered: {}", String::from_utf8_lossy(&output.stdout))
+    })
+}
+
+#[test]
+fn voltages_that_the_firmware_cannot_represent_are_refused() {
+    let regime = |omega: f64, battery: f64| {
+        refused("regime_duty", &json!({ "scheme": "A", "Omega": omega, "Vbat": battery, "Ke": 0.1 }))
+    };
+    let current = |omega: f64, battery: f64| {
+        let motor =
+            json!({ "motor": "AM 60 A", "f_Hz": 20e3, "Omega": omega, "Vbat": battery, "Vd": 0, "Ron": 0 });
+        refused("duty_for_current", &motor)
+    };
+    let fixed = json!({
+        "cps": 100_000, "mvBattery": 12_000, "keFw": 3.98, "keFw_q20": 4_180_495, "R": 3.3, "blend": 0.5,
+        "countsPerRev": 28,
+    });
+    const EMF: &str = "back EMF must be -131.071 to 131.071 V";
+    for error in
+        [regime(1310.72, 12.0), regime(-1310.72, 12.0), regime(1e300, 12.0), refused("scheme_fw", &fixed)]
+    {
+        assert_eq!(error, EMF);
+    }
+    const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
+    for error in [regime(1.0, 65.536), regime(1.0, 0.0004), current(1.0, 65.536), current(0.0, 0.0004)] {
+        assert_eq!(error, BATTERY);
+    }
+}
+
 #[test]
 fn a_document_that_is_none_is_refused_with_its_place() {
     for (document, says) in

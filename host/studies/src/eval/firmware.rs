@@ -9,7 +9,7 @@ use motor_hub::braking::{
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::bridge_states::{CurrentSign, SwitchPattern};
 use motor_hub::model::catalogue::Motor;
-use motor_hub::model::si::Hertz;
+use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Conditions};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Inductance, Millivolts, Resistance};
 use serde_json::{Value, json};
@@ -95,8 +95,8 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     full_range(case)?;
     let cps = case.whole("cps", 0, LARGEST_CPS)?;
     let battery = case.whole("mvBattery", 1, i64::from(u16::MAX))?;
-    let emf = constant(case.number("keFw_q20")?)?.emf(CountsPerSecond::new(cps as i32));
-    let at = operating_point(emf, battery as u16)?;
+    let emf = constant(case.number("keFw_q20")?)?.emf_within_range(CountsPerSecond::new(cps as i32))?;
+    let at = OperatingPoint::new(emf, Millivolts::new(battery as u16)).ok_or(BATTERY)?;
     let formula = |scheme| Points::from_formula(scheme, at);
     let d = formula(Scheme::D(BlendChoice::fixed(case.number("blend")?)?.0));
     let x = |points: Option<Points>, which: fn(&Points) -> UnboundedControl| {
@@ -145,17 +145,12 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     let blend = if case.has("blend") { Some(BlendChoice::fixed(case.number("blend")?)?) } else { None };
     let scheme = scheme.with_blend(blend)?;
 
-    let battery = (case.positive("Vbat")? * 1e3).round();
-    if !(1.0..=f64::from(u16::MAX)).contains(&battery) {
-        return Err(BATTERY.into());
-    }
-    let emf_mv = 1e3 * case.positive("Ke")? * case.number("Omega")?;
-    let speed = CountsPerSecond::saturating_from_bits((emf_mv * FINEST * 256.0).round() as i64);
-    let at = operating_point(constant(Q20 / FINEST)?.emf(speed), battery as u16)?;
+    let emf = Volts(case.positive("Ke")? * case.number("Omega")?);
+    let at = operating_point(Conditions { battery: Volts(case.positive("Vbat")?), emf })?;
 
     let controls = case
         .column("control")?
-        .unwrap_or_else(|| if emf_mv < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
+        .unwrap_or_else(|| if emf.0 < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
     // The paper's formulas answer the case. At overrun, and where a formula is not defined, the firmware's points
     // answer it.
     let points = match Points::from_formula(scheme, at) {
@@ -193,9 +188,7 @@ pub(super) fn current_drive(
         frequency.0.round() as u32,
     )?;
     let current = LinearCurrent::new(&winding, &bridge_constants);
-    let speed = CountsPerSecond::saturating_from_bits((1e3 * at.emf.0 * FINEST * 256.0).round() as i64);
-    let battery_mv = (1e3 * at.battery.0).round() as u16;
-    let point = operating_point(winding.emf.emf(speed), battery_mv)?;
+    let point = operating_point(at)?;
     let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
     let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
     Ok(braking::linear_current(&current, Scheme::A, point, control))
@@ -213,8 +206,13 @@ fn constant(bits: f64) -> Result<EmfConstant, CaseError> {
     Ok(EmfConstant::from_bits(bits.round() as i32)?)
 }
 
-fn operating_point(emf: motor_hub::units::Emf, battery_mv: u16) -> Result<OperatingPoint, CaseError> {
-    Ok(OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(BATTERY)?)
+/// The firmware's operating point for these conditions. A voltage that the firmware cannot represent is refused.
+fn operating_point(at: Conditions) -> Result<OperatingPoint, CaseError> {
+    // A speed beyond its range is limited to the range. The back EMF of such a speed is refused.
+    let speed = CountsPerSecond::saturating_from_bits((1e3 * at.emf.0 * FINEST * 256.0).round() as i64);
+    let emf = constant(Q20 / FINEST)?.emf_within_range(speed)?;
+    let battery = Millivolts::from_volts(at.battery.0).map_err(|_| BATTERY)?;
+    Ok(OperatingPoint::new(emf, battery).ok_or(BATTERY)?)
 }
 
 fn control(value: f64) -> Result<Control, CaseError> {
