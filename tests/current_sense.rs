@@ -9,7 +9,7 @@ use motor_hub::extension::report::MotorReport;
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
 use motor_hub::motor::SenseLine::{self, Absent, Excessive, NoCurrent, Sound, Stuck};
-use motor_hub::motor::{Report, Setpoint, Settings};
+use motor_hub::motor::{Report, Setpoint, Settings, best_current};
 use motor_hub::units::{Control, Milliamperes, Millivolts, RangeError};
 use proptest::prelude::*;
 
@@ -79,6 +79,19 @@ fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
     for (power, sign) in [(HALF, 1), (Some(-16_384), -1)] {
         let held = Held::after(&[(power, 500, Some(1_234), Sound, Some(1_234))]);
         assert_eq!(held.0.report().best_current().get(), sign * 1_234);
+    }
+}
+
+#[test]
+fn a_sample_of_any_size_has_the_sign_of_the_model() {
+    for (modelled, measured, best) in [
+        (-1, i32::MIN, i32::MIN),
+        (-1, i32::MAX, -i32::MAX),
+        (1, i32::MIN, i32::MIN),
+        (1, i32::MAX, i32::MAX),
+    ] {
+        let [modelled, measured] = [modelled, measured].map(Milliamperes::new);
+        assert_eq!(best_current(modelled, Some(measured)).get(), best, "{modelled:?}, {measured:?}");
     }
 }
 

@@ -47,7 +47,8 @@ impl Faults {
 /// measurement, the modelled current. The torque of a positive current is CW.
 pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>) -> Milliamperes {
     match measured {
-        Some(magnitude) if modelled.get() < 0 => Milliamperes::new(-magnitude.get()),
+        // `i32::MIN` has no opposite, and stays negative.
+        Some(magnitude) if modelled.get() < 0 => Milliamperes::new(magnitude.get().wrapping_neg()),
         Some(magnitude) => magnitude,
         None => modelled,
     }

@@ -35,6 +35,6 @@ impl Thermometer {
         // The reading that the sensor would have with the rail at which it was calibrated.
         let reading = (i64::from(sensor) * i64::from(reference.reading)).checked_div(i64::from(vrefint))?;
         let above = ((reading - low) * (hot - cold)).checked_div(high - low)?;
-        i16::try_from(cold + above).ok().filter(|temperature| temperature.abs() < 30_000)
+        i16::try_from(cold + above).ok().filter(|temperature| temperature.unsigned_abs() < 30_000)
     }
 }
