@@ -245,3 +245,16 @@ fn schemes_c_and_d_have_no_formula_where_the_emf_equals_the_battery() {
         assert!((here.s.to_f64() - there.s.to_f64()).abs() < 1.0, "{here:?} {there:?}");
     }
 }
+
+#[test]
+fn points_of_any_bits_are_limited_and_locate_every_control_value() {
+    let [low, high] = [i64::MIN, i64::MAX].map(UnboundedControl::from_bits);
+    assert_eq!((low.to_f64(), high.to_f64()), (-137_438_953_472.0, 137_438_953_472.0));
+    assert_eq!((low.round(), high.round()), (-(1 << 37), 1 << 37));
+    let ends = Points { s: low, t: low, z: high, g: high };
+    let turned = Points { s: high, t: high, z: low, g: low };
+    for control in [Control::MIN, Control::ZERO, Control::MAX] {
+        assert_eq!(ends.locate(control).regime, Regime::Braking, "{control:?}");
+        assert_eq!(turned.locate(control).regime, Regime::Forward, "{control:?}");
+    }
+}

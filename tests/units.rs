@@ -103,6 +103,9 @@ fn numbers_out_of_range_are_refused_with_the_range_named() {
 fn speeds_round_and_saturate() {
     assert_eq!(CountsPerSecond::new(i32::MAX).round(), 8_388_607);
     assert_eq!(CountsPerSecond::new(i32::MIN).round(), -8_388_608);
+    for (bits, limited) in [(i32::MIN, -i32::MAX), (-i32::MAX, -i32::MAX), (i32::MAX, i32::MAX)] {
+        assert_eq!(CountsPerSecond::from_bits(bits).to_bits(), limited, "{bits}");
+    }
     assert_eq!(CountsPerSecond::saturating_from_bits(383).round(), 1);
     assert_eq!(CountsPerSecond::saturating_from_bits(384).round(), 2);
 }

@@ -119,20 +119,32 @@ const fn volts_of(bits: i64) -> f32 {
 pub struct UnboundedControl(I56F8);
 
 impl UnboundedControl {
-    const ZERO: Self = Self::from_bits(0);
+    const ZERO: Self = Self::from_computed_bits(0);
     /// Upper end of the control range.
-    const CONTROL_MAX: Self = Self::from_bits((Control::MAX.get() as i64) << 8);
+    const CONTROL_MAX: Self = Self::from_computed_bits((Control::MAX.get() as i64) << 8);
     /// Lower end of the control range.
-    const CONTROL_MIN: Self = Self::from_bits((Control::MIN.get() as i64) << 8);
+    const CONTROL_MIN: Self = Self::from_computed_bits((Control::MIN.get() as i64) << 8);
 
-    /// Converts from 1/256 control steps.
+    /// Converts from 1/256 control steps. Values beyond +-2^45 are limited to this range, which is 4 million times the
+    /// control range.
     pub const fn from_bits(bits: i64) -> Self {
+        Self::from_computed_bits(if bits > POINT_LIMIT_BITS {
+            POINT_LIMIT_BITS
+        } else if bits < -POINT_LIMIT_BITS {
+            -POINT_LIMIT_BITS
+        } else {
+            bits
+        })
+    }
+
+    /// Converts computed 1/256 control steps, whose magnitude is at most `POINT_LIMIT_BITS` and one control range.
+    const fn from_computed_bits(bits: i64) -> Self {
         Self(I56F8::from_bits(bits))
     }
 
     /// The abscissa of a control value.
     pub const fn of(control: Control) -> Self {
-        Self::from_bits((control.get() as i64) << 8)
+        Self::from_computed_bits((control.get() as i64) << 8)
     }
 
     /// The abscissa in 1/256 control steps.
@@ -344,7 +356,7 @@ impl Points {
             return None;
         }
         Some(Self {
-            s: UnboundedControl::from_bits(
+            s: UnboundedControl::from_computed_bits(
                 UnboundedControl::CONTROL_MAX.to_bits() - scaled(2 * v, v - e).to_bits(),
             ),
             ..Self::on_line(scaled(e, e - v), UnboundedControl::ZERO)
@@ -359,7 +371,9 @@ impl Points {
                 // S is T (V + e) / e. This branch is taken only for u >= 0.5. `lowest` is then between -11 controlMax
                 // and -controlMax, so the product is below 2^63.
                 let (e, v) = (at.e, at.v());
-                let s = UnboundedControl::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
+                let s = UnboundedControl::from_computed_bits(
+                    lowest.to_bits() + div_round(lowest.to_bits() * v, e),
+                );
                 Self { s, ..Self::on_line(lowest, UnboundedControl::ZERO) }
             }
         }
@@ -427,22 +441,14 @@ pub(super) fn control(points: &Points, regime: Regime, share: f32) -> Control {
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Limit of the magnitude of a computed point, in 1/256 control steps: 4 million times the control range. With this
-/// limit the products of a blend fit into 64 bits.
+/// Limit of the magnitude of a point, in 1/256 control steps. With this limit the products of a blend fit into 64 bits.
 const POINT_LIMIT_BITS: i64 = 1 << 45;
 
 /// `controlMax * numerator / denominator`, rounded to 1/256 control step.
 ///
 /// |numerator| must be below 2^38, so that the product stays below 2^61.
 const fn scaled(numerator: i64, denominator: i64) -> UnboundedControl {
-    let steps = div_round(UnboundedControl::CONTROL_MAX.to_bits() * numerator, denominator);
-    UnboundedControl::from_bits(if steps > POINT_LIMIT_BITS {
-        POINT_LIMIT_BITS
-    } else if steps < -POINT_LIMIT_BITS {
-        -POINT_LIMIT_BITS
-    } else {
-        steps
-    })
+    UnboundedControl::from_bits(div_round(UnboundedControl::CONTROL_MAX.to_bits() * numerator, denominator))
 }
 
 /// Lowest T of Scheme C: `-controlMax / a`, where a = 10 u - 9, limited to 0 to 1 (see [`Points::new`]).
@@ -450,7 +456,7 @@ const fn near_overrun(at: OperatingPoint) -> UnboundedControl {
     let (e, v) = (at.e, at.v());
     let part = 10 * e - 9 * v;
     if part <= 0 {
-        UnboundedControl::from_bits(-POINT_LIMIT_BITS)
+        UnboundedControl::from_computed_bits(-POINT_LIMIT_BITS)
     } else if part >= v {
         UnboundedControl::CONTROL_MIN
     } else {
@@ -466,7 +472,7 @@ const fn blended(b: Points, c: Points, weight: BlendFraction) -> Points {
 /// Blends one point.
 const fn between(b: UnboundedControl, c: UnboundedControl, weight: BlendFraction) -> UnboundedControl {
     let step = (c.to_bits() - b.to_bits()) * weight.to_bits() as i64;
-    UnboundedControl::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
+    UnboundedControl::from_computed_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
 }
 
 /// Divides and rounds to the nearest integer, halves away from zero. The denominator must not be 0.

@@ -40,9 +40,10 @@ impl CountsPerSecond {
         }
     }
 
-    /// Creates a speed from steps of 1/256 count per second.
+    /// Creates a speed from steps of 1/256 count per second. The range is symmetric: `i32::MIN` is limited to
+    /// `-i32::MAX`.
     pub const fn from_bits(bits: i32) -> Self {
-        Self(I24F8::from_bits(bits))
+        Self(I24F8::from_bits(if bits == i32::MIN { -i32::MAX } else { bits }))
     }
 
     /// Creates a speed from steps of 1/256 count per second. Values beyond +-(2^31 - 1) steps are limited to the range.
@@ -74,9 +75,7 @@ impl CountsPerSecond {
 
     /// Converts counts per second to a speed, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_f32(counts_per_second: f32) -> Self {
-        let bits = (256.0 * counts_per_second) as i32;
-        // The range is symmetric: its lower end is -i32::MAX.
-        Self::from_bits(if bits == i32::MIN { -i32::MAX } else { bits })
+        Self::from_bits((256.0 * counts_per_second) as i32)
     }
 
     /// Returns the speed in counts per second, rounded to the nearest `f32`.

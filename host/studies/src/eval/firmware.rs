@@ -129,7 +129,7 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
 /// Regime and duty of a control value, for points that the case gives.
 pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
     let abscissa =
-        |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| UnboundedControl::from_bits(steps << 8));
+        |key| case.whole(key, -(1 << 37), 1 << 37).map(|steps| UnboundedControl::from_bits(steps << 8));
     let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
     if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
         return Err("the points must ascend: S < T <= Z < G".into());
