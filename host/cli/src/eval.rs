@@ -3,6 +3,7 @@
 use crate::output::{Failure, print_json};
 use serde_json::Value;
 use std::io::Read;
+use std::path::PathBuf;
 use studies::eval::{Answers, answers};
 
 const HELP: &str = "\
@@ -35,7 +36,8 @@ Answered by the model in double precision:
 
 A table has a row for each value of its first column. The values are a list in the inputs under the \
 column's name; else the first column of the case's own outputs.rows; else a default. A null in the \
-outputs is infinity.
+outputs is an infinite control value of S or T, or a continuity_duty that does not exist. A case whose \
+other outputs are not finite gets an error.
 
 Example:
   echo '{\"cases\": [{\"id\": 1, \"formula\": \"keFw\", \"inputs\": {\"Ke\": 0.0178, \"countsPerRev\": 28}}]}' \\
@@ -47,15 +49,16 @@ Example:
 pub(crate) struct Options {
     /// JSON document, or - for standard input
     #[arg(value_name = "FILE|-")]
-    file: String,
+    file: PathBuf,
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", self.file));
+        let file = self.file.display();
+        let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{file}: {why}"));
         let text = self.read().map_err(|e| wrong(&e))?;
         let document: Value = serde_json::from_str(&text)
-            .map_err(|e| Failure::Input(format!("{}:{}:{}: {e}", self.file, e.line(), e.column())))?;
+            .map_err(|e| Failure::Input(format!("{file}:{}:{}: {e}", e.line(), e.column())))?;
         let Answers { document, cases, failed } = answers(&document).map_err(|e| wrong(&e))?;
         print_json(&document)?;
         match failed {
@@ -67,7 +70,7 @@ impl Options {
     }
 
     fn read(&self) -> std::io::Result<String> {
-        if self.file != "-" {
+        if self.file.as_os_str() != "-" {
             return std::fs::read_to_string(&self.file);
         }
         let mut text = String::new();

@@ -70,10 +70,25 @@ pub fn answers(document: &Value) -> Result<Answers, NoCases> {
     Ok(Answers { document: json!({ "results": results }), cases: cases.len(), failed })
 }
 
+/// Outputs that are null where a formula gives no finite number: control values of S and T, which may be infinite, and
+/// the duty from which on the current is continuous, if there is one.
+const MAY_BE_NULL: [&str; 6] = ["xS", "xT", "C_xT", "D_xS", "D_xT", "continuity_duty"];
+
 fn answer(case: &Case) -> Result<Value, CaseError> {
     let outputs = computed(case)?;
     case.nothing_unread()?;
-    Ok(outputs)
+    let mut fields = outputs.as_object().into_iter().flatten();
+    match fields.find(|(key, value)| !MAY_BE_NULL.contains(&key.as_str()) && has_null(value)) {
+        Some((key, _)) => {
+            Err(format!("output {key} is no finite number: an input is too large or too small").into())
+        }
+        None => Ok(outputs),
+    }
+}
+
+/// True if the value is null, or a list with a null in it.
+fn has_null(value: &Value) -> bool {
+    value.is_null() || value.as_array().is_some_and(|values| values.iter().any(has_null))
 }
 
 fn computed(case: &Case) -> Result<Value, CaseError> {

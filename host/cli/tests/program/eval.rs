@@ -1,6 +1,6 @@
 //! `motor-hub eval` on the reference values, and on documents with mistakes.
 
-use crate::common::{PROGRAM, fails};
+use crate::common::{self, PROGRAM, fails, made_folder};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
@@ -273,6 +273,35 @@ fn voltages_that_the_firmware_cannot_represent_are_refused() {
     for error in [regime(1.0, 65.536), regime(1.0, 0.0004), current(1.0, 65.536), current(0.0, 0.0004)] {
         assert_eq!(error, BATTERY);
     }
+}
+
+#[test]
+fn a_result_that_is_not_finite_is_refused() {
+    let step = json!({
+        "motor": "AM 60 A", "Jafter": 0.0, "Bafter": 0.0, "vapp0": 0, "dv": 1e308, "tau_app0": 0, "dtau": 0,
+    });
+    let error = refused("step_response", &step);
+    assert!(error.contains("output rows is no finite number"), "{error}");
+    let plant =
+        json!({ "R": 1e-300, "L": 1e-300, "Ke": 1e300, "Kt": 1e300, "B": 0, "Jafter": 0, "Bafter": 0 });
+    let error = refused("plant", &plant);
+    assert!(error.contains("is no finite number"), "{error}");
+}
+
+#[test]
+fn a_motor_has_no_negative_drag() {
+    let motor = json!({ "R": 1, "L": 1e-3, "Ke": 0.1, "Kt": 0.1, "B": -1e-9, "Jafter": 0, "Bafter": 0 });
+    assert_eq!(refused("plant", &motor), "B = -0.000000001 must not be negative");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_document_may_have_a_path_that_is_no_unicode() {
+    use std::os::unix::ffi::OsStrExt;
+    let file = made_folder("eval-no-unicode").join(std::ffi::OsStr::from_bytes(b"b\xffd.json"));
+    std::fs::write(&file, r#"{"cases": []}"#).unwrap();
+    let output = Command::new(PROGRAM).arg("eval").arg(&file).output().unwrap();
+    assert_eq!(common::json(&output)["results"], json!([]));
 }
 
 #[test]

@@ -61,10 +61,7 @@ impl<'a> Case<'a> {
 
     /// Reads a number of at least 0.
     pub(super) fn not_negative(&self, key: &str) -> Result<f64, CaseError> {
-        match self.number(key)? {
-            value if value >= 0.0 => Ok(value),
-            value => Err(format!("input {key} = {value} must not be negative").into()),
-        }
+        zero_or_above(self.number(key)?, key)
     }
 
     /// Reads a whole number from `low` to `high`.
@@ -124,7 +121,7 @@ impl<'a> Case<'a> {
             eta: or_one("eta")?,
             ke: EmfConstant(positive("Ke")?),
             kt: TorqueConstant(positive("Kt")?),
-            b: Drag(number("B")?),
+            b: Drag(number("B").and_then(|value| zero_or_above(value, "B"))?),
             friction: Friction::NONE,
             cogging: Cogging::NONE,
             j: inertia,
@@ -155,6 +152,10 @@ pub(super) fn table(
 ) -> Result<Value, CaseError> {
     let rows: Vec<Value> = rows.collect::<Result<_, _>>()?;
     Ok(json!({ "columns": columns, "rows": rows }))
+}
+
+fn zero_or_above(value: f64, key: &str) -> Result<f64, CaseError> {
+    if value >= 0.0 { Ok(value) } else { Err(format!("{key} = {value} must not be negative").into()) }
 }
 
 fn above_zero(value: f64, key: &str) -> Result<f64, CaseError> {
