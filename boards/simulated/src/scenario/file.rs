@@ -278,7 +278,10 @@ fn find<'a>(
     known: impl Iterator<Item = &'a String> + Clone,
 ) -> Result<usize, String> {
     known.clone().position(|other| other == label.trim()).ok_or_else(|| {
-        let known: Vec<&str> = known.map(String::as_str).collect();
-        format!("no {what} has the label {label:?}; labels are {}", known.join(", "))
+        let labels: Vec<&str> = known.map(String::as_str).collect();
+        if labels.is_empty() {
+            return format!("no {what} has the label {label:?}; the scenario has no {what}s");
+        }
+        format!("no {what} has the label {label:?}; labels are {}", labels.join(", "))
     })
 }

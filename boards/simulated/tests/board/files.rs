@@ -55,7 +55,7 @@ fn refused(sound: &str, mistakes: &[Mistake<'_>]) {
 }
 
 /// Mistakes in the sound scenario.
-const MISTAKES: [Mistake<'_>; 62] = [
+const MISTAKES: [Mistake<'_>; 63] = [
     // Broken TOML, a value out of range, and a contradiction in a table. Each error has the position of its mistake.
     ("name = \"test\"", "name = \"test", "s.toml:1:13: "),
     ("duration_s = 2.0", "duration_s = ", "s.toml:2:14: "),
@@ -76,6 +76,7 @@ const MISTAKES: [Mistake<'_>; 62] = [
     ("AM 60 A", "Tetrix", "never characterised"),
     ("scheme = \"D\"", "scheme = \"E\"", "`none`, `A`, `B`, `C`, `D`"),
     ("motor = \"one\"", "motor = \"two\"", "no motor has the label \"two\"; labels are one"),
+    ("motor = \"one\"", "group = \"z\"", "no group has the label \"z\"; the scenario has no groups"),
     ("motor = \"one\"", "motors = \"one\"", "`motor`"),
     (SPEED, "never = [\"coasts\"]", "`coast`"),
     (SPEED, "fault = \"broken\"", "`none`, `stuck`, `reversed`"),
