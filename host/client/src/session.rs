@@ -29,6 +29,10 @@ use std::time::Duration;
 /// running already.
 pub const TRANSMISSIONS: u32 = 3;
 
+/// Longest time-out of a session, far beyond the time that any hub needs for an answer. The clock of the system cannot
+/// add some longer times to the present time.
+pub const MAX_TIMEOUT: Duration = Duration::from_secs(3600);
+
 /// Longest time from the first answer to a discovery until the last answer. The parent of a chain waits 2 ms for each
 /// of 254 addresses, which takes 508 ms. Sending the 254 requests of 11 bytes at 460800 baud takes 61 ms more.
 pub const CHAIN_DISCOVERY_TIMEOUT: Duration = Duration::from_millis(650);
@@ -99,7 +103,7 @@ impl Session {
     }
 
     /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within
-    /// `timeout`.
+    /// `timeout`, which is limited to [`MAX_TIMEOUT`].
     pub fn new(line: impl Into<Line>, address: Address, timeout: Duration) -> Self {
         Self {
             line: line.into(),
@@ -107,7 +111,7 @@ impl Session {
             arrived: VecDeque::new(),
             no_stale_input: false,
             since: Instant::now(),
-            timeout,
+            timeout: timeout.min(MAX_TIMEOUT),
             number: 0,
             address: address.get(),
             functions: BTreeMap::new(),
@@ -115,7 +119,8 @@ impl Session {
         }
     }
 
-    /// Makes a session with the hub that answers a discovery as parent.
+    /// Makes a session with the hub that answers a discovery as parent. The time-out of requests is `timeout`, but at
+    /// most [`MAX_TIMEOUT`].
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
@@ -152,9 +157,9 @@ impl Session {
         self.timeout = self.timeout.min(timeout);
     }
 
-    /// Sets the time-out of later requests.
+    /// Sets the time-out of later requests, which is limited to [`MAX_TIMEOUT`].
     pub fn set_timeout(&mut self, timeout: Duration) {
-        self.timeout = timeout;
+        self.timeout = timeout.min(MAX_TIMEOUT);
     }
 
     /// Sends later requests to the hub at `address` on the same line.

@@ -89,6 +89,15 @@ fn a_discovery_that_is_lost_is_sent_again() {
 }
 
 #[test]
+fn a_timeout_of_any_length_is_limited_to_an_hour() {
+    let mut session = Session::with_parent(Memory::new(Hub::new()), Duration::MAX).unwrap();
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+    session.set_timeout(Duration::MAX);
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+    assert_eq!(session.discover().unwrap(), [found(ADDRESS, true)]);
+}
+
+#[test]
 fn a_second_parent_that_answers_later_is_found() {
     let second = Hub { responder: responder_at(9), delay: Duration::from_millis(20), ..Hub::new() };
     let refused =
