@@ -251,6 +251,7 @@ impl<const N: usize> Group<N> {
     pub fn remove(&mut self, motor: usize) {
         if let Some(member) = self.members.get_mut(motor) {
             *member = false;
+            self.trajectory.remove(motor);
         }
     }
 

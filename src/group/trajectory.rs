@@ -128,6 +128,16 @@ impl<const N: usize> Trajectory<N> {
         }
     }
 
+    /// Removes a motor. Its speed then neither slows nor prolongs a later change of the motion.
+    pub(super) fn remove(&mut self, motor: usize) {
+        if let Some(share) = self.share.get_mut(motor) {
+            *share = 0;
+        }
+        if let Some(deceleration) = self.drift_deceleration_cps2.get_mut(motor) {
+            *deceleration = 0.0;
+        }
+    }
+
     /// Moves the base to the present references, at progress 0. Returns the present speeds in counts/s.
     fn restart(&mut self, acceleration: Acceleration) -> [f32; N] {
         let speeds_cps = self.speeds_cps();

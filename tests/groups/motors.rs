@@ -277,6 +277,24 @@ fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
 }
 
 #[test]
+fn a_motor_that_has_left_a_group_does_not_slow_the_next_course() {
+    let on = [0, 0, 2_000].map(CountsPerSecond::new);
+    let on = Course::velocities(&[(0, on[0]), (1, on[1]), (2, on[2])]).expect("motors");
+    let arrival_ms = [true, false].map(|from_three| {
+        let mut bench = set_up(50, [motor("AM 60 A"); 3], true, [WHEEL; 3]);
+        if from_three {
+            command_group(&mut bench, together(on, 300.0, 330.0));
+            bench.run_ms(2_000);
+        }
+        bench.set(2, velocity(2_000));
+        bench.run_ms(50);
+        command_group(&mut bench, together(pair([500, 250]), 85.0, 170.0));
+        arrive(&mut bench, |_| ())
+    });
+    assert!(arrival_ms[0].abs_diff(arrival_ms[1]) <= 50, "{arrival_ms:?} ms");
+}
+
+#[test]
 fn another_course_in_mid_move_makes_no_step_of_current() {
     let on = |left: i32, right: i32| {
         let speeds = [left, right].map(CountsPerSecond::new);

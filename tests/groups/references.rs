@@ -188,6 +188,32 @@ fn a_member_that_lags_slows_and_stops_the_group() {
 }
 
 #[test]
+fn a_motor_that_has_left_does_not_prolong_the_stop_of_the_others() {
+    let on = [200, 100, 4_000].map(CountsPerSecond::new);
+    let course = Course::velocities(&numbered(&on)).expect("three");
+    let mut motors = Perfect::new(together(course, 0, 2_000), [0; 3], 10);
+    for _ in 0..300 {
+        motors.step();
+    }
+    motors.group.remove(2);
+    motors.group.stop();
+    let mut positions = motors.positions();
+    let mut ticks = 0;
+    let mut is_still = false;
+    while !is_still {
+        let references = motors.group.step(&positions);
+        assert_eq!(references[2], None);
+        for (position, reference) in positions.iter_mut().zip(references) {
+            *position = reference.map_or(*position, |reference| reference.position);
+        }
+        is_still = references.into_iter().flatten().all(|reference| reference.next == CountsPerSecond::ZERO);
+        ticks += 1;
+    }
+    // From 200 counts/s with 2000 counts/s2.
+    assert!((10..=11).contains(&ticks), "{ticks} ticks of 10 ms");
+}
+
+#[test]
 fn a_course_names_its_members() {
     assert_eq!(Course::distances(&[(MOTORS, 1)]), Err(RangeError::Motor));
     let members = Course::positions(&[(1, 5), (3, 0)]).expect("in range").members();
