@@ -46,9 +46,10 @@ impl<const N: usize> Groups<N> {
         Self { states: [const { None }; N] }
     }
 
-    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group,
-    /// each member leaves its old group, and a new group waits to start. The other members of a moving old group halt
-    /// by the setting of the old group. A waiting old group is discarded.
+    /// Changes the course of the moving group that has exactly the members of `command`, and has lost none. If there is
+    /// no such group, each member leaves its old group, and a new group waits to start. Members that a larger group has
+    /// left over start anew too, because their corrections by the gyro may be others. The other members of a moving old
+    /// group halt by the setting of the old group. A waiting old group is discarded.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -62,16 +63,18 @@ impl<const N: usize> Groups<N> {
         if new_members == [false; MOTORS] || (N..MOTORS).any(is_new_member) {
             return Err(RangeError::Motor);
         }
+        let members: [bool; N] = core::array::from_fn(is_new_member);
         for state in self.states.iter_mut().flatten() {
-            if let ActiveGroup::Moving { group, settle_detector, .. } = state
-                && group.members().iter().enumerate().all(|(motor, member)| *member == is_new_member(motor))
+            if let ActiveGroup::Moving { group, started_with, settle_detector } = state
+                && *started_with == members
+                && *group.members() == members
             {
                 group.redirect(command);
                 settle_detector.reset();
                 return Ok(());
             }
         }
-        self.release_and_stop(core::array::from_fn(is_new_member), motors);
+        self.release_and_stop(members, motors);
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
             *free = Some(ActiveGroup::Waiting(command));
         }

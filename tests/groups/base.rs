@@ -12,9 +12,9 @@ const SLIP: f64 = 0.05;
 /// Angle in degrees by which the base turns when its wheels move by one count in opposite directions.
 const COUNT_DEGREES: f64 = 0.065;
 
-/// A base on the ground, and its gyro.
+/// A base on the ground, its gyro, and a third motor.
 struct Robot {
-    bench: common::Bench<2>,
+    bench: common::Bench<3>,
     gyro_works: bool,
     /// Degrees that the gyro measures while the base turns left by 1 degree: -1 for a gyro that is mounted upside down.
     gyro_gain: f64,
@@ -25,8 +25,8 @@ struct Robot {
 impl Robot {
     fn new(use_gyro: bool, period_ms: u32) -> Self {
         let motor = motor("NeveRest 60");
-        let settings = [configured(&motor, &WHEEL); 2];
-        let bench = common::Bench::new(settings, [0, 1].map(|_| common::plant(motor, WHEEL)), period_ms);
+        let settings = [configured(&motor, &WHEEL); 3];
+        let bench = common::Bench::new(settings, [0, 1, 2].map(|_| common::plant(motor, WHEEL)), period_ms);
         let mut robot = Self { bench, gyro_works: true, gyro_gain: 1.0, pushed_degrees: 0.0 };
         robot.configure(BaseSettings::new([0, 1], &BASE, use_gyro).expect("in range")).expect("both wheels");
         robot.run_ms(200);
@@ -117,6 +117,37 @@ fn a_wheel_whose_other_wheel_leaves_the_group_stops_within_its_braking_distance(
     robot.run_ms(1_000);
     let (travel, expected) = (robot.bench.counts(1) - position, velocity * velocity / (2.0 * 5_000.0));
     assert!((travel - expected).abs() < 50.0, "{travel} counts, expected {expected}");
+}
+
+#[test]
+fn wheels_that_a_larger_group_has_left_over_turn_by_the_gyro() {
+    let mut robot = Robot::new(true, 10);
+    let all = Course::distances(&[(0, 100), (1, 100), (2, 100)]).expect("motors of the hub");
+    let acceleration = Acceleration::new(5_000).expect("above 0");
+    let all = GroupCommand::new(all, CountsPerSecond::new(1_500), acceleration);
+    robot.bench.hub.apply(Command::MoveGroup(all)).expect("members");
+    robot.run_ms(1_000);
+    robot.bench.set(2, common::velocity(0));
+    robot.run_ms(100);
+    robot.turn(90.0);
+    assert!((robot.heading() - 90.0).abs() < 5.0 * COUNT_DEGREES, "{}", robot.heading());
+}
+
+#[test]
+fn a_wheel_that_is_left_over_goes_to_positions_of_its_encoder() {
+    const TARGET: i32 = 2_000;
+    let mut robot = Robot::new(true, 10);
+    (0..2).for_each(|_| robot.turn(90.0));
+    robot.bench.set(0, common::velocity(0));
+    robot.run_ms(100);
+    let alone = Course::positions(&[(1, TARGET)]).expect("a motor of the hub");
+    let acceleration = Acceleration::new(5_000).expect("above 0");
+    let alone = GroupCommand::new(alone, CountsPerSecond::new(1_500), acceleration);
+    robot.bench.hub.apply(Command::MoveGroup(alone)).expect("a member");
+    robot.run_ms(3_000);
+    assert!(robot.state().correction[1].abs() > 50, "{:?}", robot.state());
+    let position = robot.bench.snapshot.motors[1].position;
+    assert!(position.abs_diff(TARGET) < 6, "{position} counts");
 }
 
 #[test]
@@ -228,7 +259,7 @@ fn a_base_needs_two_motors_of_the_hub() {
     let mut robot = Robot::new(false, 50);
     let good = BaseSettings::new([1, 0], &BASE, true).expect("in range");
     assert_eq!(robot.configure(good), Ok(()));
-    for wheels in [[0, 2], [1, 1]] {
+    for wheels in [[0, 3], [1, 1]] {
         assert_eq!(robot.configure(BaseSettings { wheels, ..good }), Err(RangeError::Motor));
     }
     assert_eq!(BaseSettings::new([1, 1], &BASE, true), Err(RangeError::DriveBase));
