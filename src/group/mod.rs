@@ -9,6 +9,8 @@
 //!   distance to its reference in either direction. If the largest lag exceeds half of the permitted lag, the progress
 //!   slows down, and so do all members. The larger the lag, the slower the progress. At the full permitted lag the
 //!   group waits. The acceleration limit does not apply to this slowing.
+//! * A member that is away from its reference returns to it. The speed of the member differs from the speed of the
+//!   reference by the speed of the course at most.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};
@@ -287,11 +289,13 @@ impl<const N: usize> Group<N> {
         let time_scale = self.time_scale(positions, &now);
         self.trajectory.step(time_scale * self.tick_s);
         let next = self.trajectory.speeds_cps();
+        let speed_limit = self.trajectory.speed_limit();
         let mut all = [None; N];
         let members = references.into_iter().zip(now).zip(next).zip(self.members);
         for (slot, (((position, now), next), member)) in all.iter_mut().zip(members) {
             if member {
-                *slot = Some(trajectory::reference(position, time_scale * now, time_scale * next));
+                *slot =
+                    Some(trajectory::reference(position, time_scale * now, time_scale * next, speed_limit));
             }
         }
         all

@@ -25,6 +25,7 @@
 //! by the shares, and the progress starts again at 0.
 
 use super::Reference;
+use crate::units::single::at_least;
 use crate::units::{Acceleration, CountsPerSecond};
 use libm::{roundf, sqrtf};
 
@@ -32,6 +33,9 @@ use libm::{roundf, sqrtf};
 const STEPS_PER_COUNT: f32 = 65_536.0;
 /// Distance from the end, in steps, below which a trajectory is finished: 1/1024 count.
 const END_TOLERANCE_STEPS: i64 = 64;
+/// Least speed, in counts/s, at which motors approach their references if their first trajectory only stops them: the
+/// smallest usual lag in the time of a usual lag, see [`default_lag`](super::default_lag).
+const LEAST_FIRST_CPS: f32 = 240.0;
 
 /// A trajectory of N motors. Arrays are by motor.
 #[derive(Clone, Debug)]
@@ -52,7 +56,8 @@ pub(super) struct Trajectory<const N: usize> {
     progress: i64,
     /// Speed of the progress in counts/s.
     speed_cps: f32,
-    /// Speed in counts/s that the progress accelerates to.
+    /// Speed in counts/s that the progress accelerates to. A trajectory that only stops keeps the speed of the trajectory
+    /// before, at which its motors approach their references.
     speed_limit_cps: f32,
     /// Largest acceleration of the member that moves farthest, in counts/s².
     acceleration_cps2: f32,
@@ -77,7 +82,7 @@ impl<const N: usize> Trajectory<N> {
             endless: true,
             progress: 0,
             speed_cps: 0.0,
-            speed_limit_cps: 0.0,
+            speed_limit_cps: at_least(largest(&speeds_cps), LEAST_FIRST_CPS),
             acceleration_cps2: acceleration.get() as f32,
             drift_deceleration_cps2: [0.0; N],
             drift_s: 0.0,
@@ -94,11 +99,13 @@ impl<const N: usize> Trajectory<N> {
         self.endless = true;
         self.share = speeds.map(CountsPerSecond::to_bits);
         self.update_length();
-        // A share is the bits of a speed: steps of 1/256 counts/s.
-        self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
+        self.stopping = self.is_still();
+        if !self.stopping {
+            // A share is the bits of a speed: steps of 1/256 counts/s.
+            self.speed_limit_cps = self.length as f32 / 256.0;
+        }
         let (along, sideways) = split(&present_cps, &self.direction());
         self.speed_cps = along;
-        self.stopping = self.is_still();
         self.start_drift(sideways);
     }
 
@@ -231,6 +238,11 @@ impl<const N: usize> Trajectory<N> {
         speeds
     }
 
+    /// Returns the largest speed at which a motor approaches its reference.
+    pub(super) fn speed_limit(&self) -> CountsPerSecond {
+        CountsPerSecond::from_f32(self.speed_limit_cps)
+    }
+
     /// Advances the trajectory by a time in seconds.
     pub(super) fn step(&mut self, seconds: f32) {
         let acceleration =
@@ -271,14 +283,21 @@ impl<const N: usize> Trajectory<N> {
     }
 }
 
-/// Builds a reference from a position in steps and the speeds in counts/s now and at the next tick.
-pub(super) fn reference(position_steps: i64, now_cps: f32, next_cps: f32) -> Reference {
+/// Builds a reference from a position in steps, the speeds in counts/s now and at the next tick, and the largest speed
+/// at which a motor approaches the reference.
+pub(super) fn reference(
+    position_steps: i64,
+    now_cps: f32,
+    next_cps: f32,
+    speed_limit: CountsPerSecond,
+) -> Reference {
     Reference {
         // The conversion wraps, as positions do.
         position: (position_steps >> 16) as i32,
         fraction: position_steps as u16,
         speed: CountsPerSecond::from_f32(now_cps),
         next: CountsPerSecond::from_f32(next_cps),
+        speed_limit,
     }
 }
 

@@ -11,7 +11,7 @@ use crate::units::{CountsPerSecond, Period};
 
 /// Dwell in milliseconds. A motor that leaves the tolerance or becomes faster before the end of the dwell has only
 /// passed its target.
-const DWELL_MS: u32 = 50;
+const DWELL_MS: u16 = 50;
 /// Highest speed of a slow motor: two counts in 50 ms. The estimate may be wrong by one count, and a regulator that
 /// holds a position may move the motor by another count.
 const SLOW: CountsPerSecond = CountsPerSecond::new(40);
@@ -26,7 +26,7 @@ pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> boo
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SettleDetector {
     /// Duration in ms of the last ticks without interruption at which the motor was within tolerance and slow.
-    settling_ms: u32,
+    settling_ms: u16,
 }
 
 impl SettleDetector {
@@ -39,7 +39,8 @@ impl SettleDetector {
     /// Returns true if the motor has settled. The dwell is 50 ms, or one period if the period is longer.
     pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
-        let tick_ms = period.as_millis();
+        // A period has at most 100 ms.
+        let tick_ms = period.as_millis() as u16;
         self.settling_ms =
             if within_tolerance && slow { self.settling_ms.saturating_add(tick_ms) } else { 0 };
         // The dwell begins at the first tick within tolerance, so the period of this tick does not count.

@@ -62,6 +62,8 @@ pub struct Reference {
     pub speed: CountsPerSecond,
     /// Speed at the next tick.
     pub next: CountsPerSecond,
+    /// Largest speed at which a motor approaches the reference, relative to the reference; not negative.
+    pub speed_limit: CountsPerSecond,
 }
 
 impl Reference {

@@ -125,10 +125,12 @@ impl Loops {
         }
     }
 
-    /// Steps the position loop for a moving reference. Returns the target speed.
+    /// Steps the position loop for a moving reference. Returns the target speed. Its difference from the speed of the
+    /// reference is limited, but not so that the motor can still brake: a lagging motor shall catch up.
     fn follow(&mut self, reference: &Reference, inputs: &Inputs<'_>, period: Period) -> CountsPerSecond {
         let distance = Value::saturating_from_num(reference.from(inputs.position));
-        let closer = self.position_loop(distance, Value::MAX, inputs, period);
+        let limit = Value::from_bits(reference.speed_limit.to_bits());
+        let closer = self.position_loop(distance, limit, inputs, period);
         let speed = i64::from(reference.next.to_bits()) + i64::from(closer.to_bits());
         CountsPerSecond::saturating_from_bits(speed)
     }

@@ -515,13 +515,11 @@ impl Regulator {
                 output
             }
             Demand::Follow(reference) => {
-                let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                self.law.follow(&mut present, &self.plant, reference.from(position), speeds, context)
+                self.law.follow(&mut present, &self.plant, reference.from(position), &reference, context)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
-                let limit = speed_limit.to_f32().abs();
-                self.law.position(&mut present, &self.plant, distance, limit, context)
+                self.law.position(&mut present, &self.plant, distance, speed_limit, context)
             }
         };
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
@@ -552,7 +550,8 @@ impl Regulator {
         let target = match demand {
             Demand::Velocity(target) => target,
             Demand::Follow(reference) if reference.is_still() => {
-                return Demand::Position { target: reference.position, speed_limit: CountsPerSecond::MAX };
+                let Reference { position: target, speed_limit, .. } = reference;
+                return Demand::Position { target, speed_limit };
             }
             Demand::Follow(_) | Demand::Position { .. } => return demand,
         };

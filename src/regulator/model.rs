@@ -12,9 +12,9 @@
 
 use super::observer::{Observer, Plant};
 use super::stream::Target;
-use super::{Context, Effort, Output, within};
+use super::{Context, Effort, Output, Reference, within};
 use crate::units::single::{at_least, at_most};
-use crate::units::{Period, Voltage};
+use crate::units::{CountsPerSecond, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
 /// Share of the configured friction that the law reverses when the motion reverses, before the observer has estimated
@@ -112,7 +112,7 @@ impl Law {
         observer: &mut Observer,
         plant: &Plant,
         distance: i32,
-        speed_limit: f32,
+        speed_limit: CountsPerSecond,
         context: &Context<'_>,
     ) -> Output {
         let w = observer.speed();
@@ -135,38 +135,58 @@ impl Law {
             (self.held, self.held_load_volts) = (Some(counts), observer.load() / plant.b);
             return output;
         }
-        let (side, distance) = (1.0f32.copysign(distance), distance.abs());
-        let full = plant.b * at_most(context.standstill_volts, context.at.battery_volts());
-        let deceleration =
-            at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
-        let deceleration =
-            acceleration_limit(context).map_or(deceleration, |limit| at_most(deceleration, limit));
-        let (now, end) = profile(distance, side * w, deceleration, speed_limit, context.period);
-        let next = side * (end - self.remaining * (now - side * w));
-        self.request(observer, plant, next, context, side * now)
+        let reference = Reference { speed_limit, ..Reference::default() };
+        self.approach(observer, plant, distance, &reference, context)
     }
 
-    /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count. The
-    /// reference has these speeds now and at the next tick, in counts/s.
+    /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count.
     pub(super) fn follow(
         &mut self,
         observer: &mut Observer,
         plant: &Plant,
         distance: f32,
-        (now, end): (f32, f32),
+        reference: &Reference,
         context: &Context<'_>,
     ) -> Output {
         self.held = None;
-        let (period_s, approach) = (context.period.to_seconds(), approach(context.period));
-        let remaining = self.remaining;
-        let w = observer.speed();
         // The target is the middle of the count.
         let distance = distance + 0.5 - observer.fraction();
-        // Distance at the tick's end plus `next * period_s / 2`. The equation for `next` below includes this term.
-        let rest = distance + (now + end - w) * period_s / 2.0;
-        let next = (end + approach * rest - remaining * (now + approach * distance - w))
-            / (1.0 + approach * period_s / 2.0);
-        self.request(observer, plant, next, context, end + approach * distance)
+        self.approach(observer, plant, distance, reference, context)
+    }
+
+    /// Computes the output for a reference at this distance in counts. The speed relative to the reference follows a
+    /// profile that ends at the reference.
+    fn approach(
+        &mut self,
+        observer: &mut Observer,
+        plant: &Plant,
+        distance: f32,
+        reference: &Reference,
+        context: &Context<'_>,
+    ) -> Output {
+        let (side, distance) = (1.0f32.copysign(distance), distance.abs());
+        let moves = !reference.is_still();
+        let full = plant.b * at_most(context.standstill_volts, context.at.battery_volts());
+        let deceleration = if moves && context.settings.dynamics.is_none() {
+            // A motor that lags at full voltage may have learned a wrong acceleration, and would not catch up.
+            f32::INFINITY
+        } else {
+            at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full)
+        };
+        let deceleration =
+            acceleration_limit(context).map_or(deceleration, |limit| at_most(deceleration, limit));
+        let profile = Profile {
+            deceleration,
+            limit: reference.speed_limit.to_f32().abs(),
+            // The error of the speed also changes the distance of this tick. For a position this is neglected.
+            remaining: if moves { self.remaining } else { 0.0 },
+            period: context.period,
+        };
+        let w = side * (observer.speed() - reference.speed.to_f32());
+        let (now, end) = profile.speeds(distance, w);
+        let reference_end = reference.next.to_f32();
+        let next = reference_end + side * (end - self.remaining * (now - w));
+        self.request(observer, plant, next, context, reference_end + side * now)
     }
 
     /// Computes the output that brings the motor to the speed `next` by the tick's end, within the limits of
@@ -284,24 +304,40 @@ fn approach(period: Period) -> f32 {
     (0.75 / period.to_seconds()).min(12.0)
 }
 
-/// Speeds of the profile at this distance from the target, in counts/s. The first speed is the speed now. The second
-/// speed is the speed at the tick's end of a motor that now has the speed `w` towards the target.
-fn profile(distance: f32, w: f32, deceleration: f32, limit: f32, period: Period) -> (f32, f32) {
-    let (period_s, approach) = (period.to_seconds(), approach(period));
-    let knee = deceleration / (approach * approach);
-    let now = if distance < knee {
-        approach * distance
-    } else {
-        sqrtf(2.0 * deceleration * (distance - knee / 2.0))
-    };
-    // The distance of a tick is half a tick at the speed now, and half a tick at the speed at the tick's end.
-    let rest = distance - w * period_s / 2.0;
-    let linear = approach * rest / (1.0 + approach * period_s / 2.0);
-    let lost = deceleration * period_s / 2.0;
-    let end = if rest - linear * period_s / 2.0 < knee {
-        linear
-    } else {
-        sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
-    };
-    (at_most(now, limit), within(end, limit))
+/// The speed of a motor over its distance to a target: proportional to the distance near the target, and farther away the
+/// speed from which the motor can brake.
+struct Profile {
+    /// Deceleration in counts/s².
+    deceleration: f32,
+    /// Largest speed in counts/s.
+    limit: f32,
+    /// Share of the speed's error that remains after a tick, and that changes the distance of the tick.
+    remaining: f32,
+    period: Period,
+}
+
+impl Profile {
+    /// Speeds at this distance from the target, in counts/s. The first speed is the speed now. The second speed is the
+    /// speed at the tick's end of a motor that now has the speed `w` towards the target.
+    fn speeds(&self, distance: f32, w: f32) -> (f32, f32) {
+        let Self { deceleration, limit, remaining, period } = *self;
+        let (period_s, approach) = (period.to_seconds(), approach(period));
+        let knee = deceleration / (approach * approach);
+        let now = if distance < knee {
+            approach * distance
+        } else {
+            sqrtf(2.0 * deceleration * (distance - knee / 2.0))
+        };
+        let now = at_most(now, limit);
+        // The distance of a tick is half a tick at the speed now, and half a tick at the speed at the tick's end.
+        let rest = distance - (w - remaining * (now - w)) * period_s / 2.0;
+        let linear = approach * rest / (1.0 + approach * period_s / 2.0);
+        let lost = deceleration * period_s / 2.0;
+        let end = if rest - linear * period_s / 2.0 < knee {
+            linear
+        } else {
+            sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
+        };
+        (now, within(end, limit))
+    }
 }

@@ -7,9 +7,11 @@ use motor_hub::group::{Course, GroupCommand, Halt};
 use motor_hub::hub::Command;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::Drag;
+use motor_hub::model::si::{Drag, KgM2};
 use motor_hub::motor::Setpoint;
-use motor_hub::units::{Acceleration, CountsPerSecond};
+use motor_hub::regulator::Coefficients;
+use motor_hub::units::{Acceleration, CountsPerSecond, Period};
+use std::num::NonZeroU16;
 
 type Bench<const N: usize> = common::Bench<N>;
 
@@ -292,6 +294,88 @@ fn a_motor_that_has_left_a_group_does_not_slow_the_next_course() {
         arrive(&mut bench, |_| ())
     });
     assert!(arrival_ms[0].abs_diff(arrival_ms[1]) <= 50, "{arrival_ms:?} ms");
+}
+
+/// Pushes the second motor with a torque in N m for 1 s, against which the motor's current limit leaves it no chance.
+fn push_away(bench: &mut Bench<2>, torque: f64) {
+    bench.configure(1, |settings| settings.current_limit = NonZeroU16::new(1_000));
+    bench.axes[1].torque = torque;
+    bench.run_ms(1_000);
+    bench.axes[1].torque = 0.0;
+}
+
+/// Lets time pass. Returns the lowest and the highest speed of the second motor, in counts/s.
+fn speeds_of_second(bench: &mut Bench<2>, ms: u64) -> (f64, f64) {
+    (0..ms).fold((f64::INFINITY, f64::NEG_INFINITY), |(lowest, highest), _| {
+        bench.run_ms(1);
+        (lowest.min(bench.speed(1)), highest.max(bench.speed(1)))
+    })
+}
+
+#[test]
+fn a_member_that_was_pushed_away_returns_at_the_speed_of_the_course() {
+    const COURSE_CPS: i32 = 200;
+    for (known, period) in cases() {
+        for is_pid in [false, true] {
+            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+            if is_pid {
+                let ms = Period::from_millis(period).expect("in range");
+                bench.configure(1, |settings| {
+                    settings.coefficients =
+                        Some(Coefficients::guessed(settings.winding.emf, settings.scheme, ms));
+                });
+            }
+            let acceleration = Acceleration::new(400).expect("above 0");
+            let course = GroupCommand::new(pair([200; 2]), CountsPerSecond::new(COURSE_CPS), acceleration);
+            command_group(&mut bench, course);
+            bench.run_ms(3_000);
+            push_away(&mut bench, -1.5);
+            bench.run_ms(200);
+            let (_, highest) = speeds_of_second(&mut bench, 16_000);
+            let what = format!("known {known}, PID {is_pid}, {period} ms");
+            // PID overshoots its target speed.
+            let most = if is_pid { 1.8 } else { 1.3 } * f64::from(COURSE_CPS);
+            assert!(highest < most, "{what}: {highest} counts/s to the end position");
+            let error = bench.counts(1) - 200.0;
+            assert!(error.abs() < 6.0, "{what}: {error} counts");
+            // On its way, the member waits for its reference.
+            let on = CountsPerSecond::new(COURSE_CPS);
+            let on = Course::velocities(&[(0, on), (1, on)]).expect("two motors");
+            command_group(&mut bench, GroupCommand { course: on, ..course });
+            bench.run_ms(1_000);
+            push_away(&mut bench, 1.5);
+            bench.run_ms(200);
+            let (lowest, _) = speeds_of_second(&mut bench, 4_000);
+            assert!(lowest > f64::from(COURSE_CPS) - most, "{what}: {lowest} counts/s on the way");
+        }
+    }
+}
+
+#[test]
+fn a_heavy_member_that_is_ahead_brakes_to_its_reference() {
+    const HEAVY: Load = Load { inertia_after: KgM2(0.3), ..Load::NONE };
+    let motors = two();
+    let plants = motors.map(|motor| common::plant(motor, HEAVY));
+    for period in PERIODS {
+        let mut bench = Bench::new(motors.map(|motor| configured(&motor, &HEAVY)), plants.clone(), period);
+        bench.run_ms(100);
+        let on = [1_500, 50].map(CountsPerSecond::new);
+        let on = Course::velocities(&[(0, on[0]), (1, on[1])]).expect("two motors");
+        command_group(&mut bench, together(on, 0.0, 700.0));
+        bench.run_ms(3_000);
+        push_away(&mut bench, 2.0);
+        bench.configure(1, |settings| settings.current_limit = None);
+        let mut behind = (f64::INFINITY, f64::NEG_INFINITY);
+        for _ in 0..8_000 {
+            bench.run_ms(1);
+            let Setpoint::Follow(reference) = bench.snapshot.motors[1].setpoint else {
+                panic!("{:?}", bench.snapshot)
+            };
+            let error = f64::from(reference.position) - bench.counts(1);
+            behind = (behind.0.min(error), behind.1.max(error));
+        }
+        assert!(behind.0 < -500.0 && behind.1 < 10.0, "{period} ms: {behind:?} counts behind the reference");
+    }
 }
 
 #[test]
