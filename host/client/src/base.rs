@@ -140,4 +140,22 @@ impl Session {
     pub fn odometry(&mut self) -> Result<OdometryReport, Error> {
         self.request(HubFunction::Odometry)
     }
+
+    /// Positions of all motors in counts, to which a host adds the distances that a group of these members shall move.
+    /// For exactly the two wheels of a drive base with a gyro they are corrected positions, because the hub takes the
+    /// targets of this group as corrected positions: see [`OdometryReport::counts`]. For all other motors they are the
+    /// positions of the encoders.
+    pub fn group_positions(&mut self, members: [bool; CHANNELS]) -> Result<[i32; CHANNELS], Error> {
+        let mut positions = self.bulk()?.encoders;
+        let Some(base) = self.base_if_reported()?.filter(|base| base.use_gyro) else { return Ok(positions) };
+        let is_wheel = |motor: usize| base.wheels.iter().any(|wheel| usize::from(*wheel) == motor);
+        if members == std::array::from_fn(is_wheel) {
+            for (wheel, counts) in base.wheels.into_iter().zip(self.odometry()?.counts) {
+                if let Some(position) = positions.get_mut(usize::from(wheel)) {
+                    *position = counts;
+                }
+            }
+        }
+        Ok(positions)
+    }
 }

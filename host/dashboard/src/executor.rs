@@ -87,7 +87,7 @@ impl Executor {
             }
             PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
-            PageRequest::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
+            PageRequest::Together { by, speed, acceleration } => together(session, by, speed, acceleration)?,
             PageRequest::Import { ref text } => self.import(session, text)?,
             PageRequest::Turn { at, acceleration } => turn(session, at, acceleration)?,
             PageRequest::ClearFaults => session.forget_record()?,
@@ -260,6 +260,10 @@ fn position(value: f64) -> Result<i32, RequestError> {
     Ok(within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
 }
 
+fn distance(value: f64) -> Result<i32, RequestError> {
+    Ok(within("a distance", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
+}
+
 fn speed_limit(value: f64) -> Result<u16, RequestError> {
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
     Ok(within("a speed limit", value, least..=most, "counts/s")?.round() as u16)
@@ -356,18 +360,20 @@ fn turn(session: &mut Session, at: [Option<f64>; CHANNELS], acceleration: f64) -
     begin_group(session, course, at.map(|cps| cps.is_some()), fastest, acceleration)
 }
 
+/// Moves motors in step by distances.
 fn together(
     session: &mut Session,
-    to: [Option<f64>; CHANNELS],
+    by: [Option<f64>; CHANNELS],
     speed: f64,
     acceleration: f64,
 ) -> Result<(), RequestError> {
     let speed = within("a group's speed", speed.round(), 1.0..=FASTEST_CPS, "counts/s")?;
-    let mut counts = [None; CHANNELS];
-    for (counts, to) in counts.iter_mut().zip(to) {
-        *counts = to.map(position).transpose()?;
+    let members = by.map(|by| by.is_some());
+    let mut targets = [None; CHANNELS];
+    for ((target, by), from) in targets.iter_mut().zip(by).zip(session.group_positions(members)?) {
+        *target = by.map(distance).transpose()?.map(|by| from.wrapping_add(by));
     }
-    begin_group(session, GroupCourse::Position(counts), to.map(|to| to.is_some()), speed, acceleration)
+    begin_group(session, GroupCourse::Position(targets), members, speed, acceleration)
 }
 
 /// Enables the members of a group, and starts the group.

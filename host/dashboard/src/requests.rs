@@ -68,10 +68,10 @@ pub(crate) enum PageRequest {
     Enable { motor: u8, on: bool },
     /// Makes a motor's present position 0.
     ResetEncoder { motor: u8 },
-    /// Moves motors to positions in step.
+    /// Moves motors by distances in step.
     Together {
-        /// Target by motor in counts; `None` for a motor that does not take part.
-        to: [Option<f64>; 4],
+        /// Distance by motor in counts; `None` for a motor that does not take part.
+        by: [Option<f64>; 4],
         /// Speed of the motor with the longest distance, in counts/s.
         speed: f64,
         /// Largest acceleration of any motor, in counts/s².

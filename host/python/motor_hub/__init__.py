@@ -295,6 +295,9 @@ class Hub:
         ``speed`` is that of the motor with the longest distance, in counts/s; ``acceleration`` limits each motor, in
         counts/s². ``tolerance`` is the largest distance in counts at which a motor can settle.
 
+        The hub corrects the positions of exactly both wheels of a base with a gyro by the slip of the wheels. A position that
+        ``read`` returns is then another place, so move such a base by ``Base.drive`` and ``Base.turn``.
+
         Raises ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
         """
         await self._check(*targets)

@@ -117,7 +117,8 @@ impl Options {
             if self.by {
                 // Relative targets are converted to absolute positions. A retransmission of the request then has no
                 // further effect.
-                for (place, now) in places.iter_mut().zip(session.bulk()?.encoders) {
+                let from = session.group_positions(values.map(|counts| counts.is_some()))?;
+                for (place, now) in places.iter_mut().zip(from) {
                     *place = place.map(|counts| now.wrapping_add(counts));
                 }
             }

@@ -109,6 +109,17 @@ fn a_base_drives_by_its_gyro_and_reports_its_position() {
 }
 
 #[test]
+fn the_wheels_of_a_base_that_move_by_no_counts_do_not_turn_it() {
+    let motor = "[[motors]]\nlabel = \"left\"\nmotor = \"NeveRest 60\"\n";
+    let hub = served("devices-base-by", &format!("[floor]\nslip_in_turns = 0.1\n{motor}"));
+    out(&client(&hub, &[&["drive", "turn=90", "--use-gyro"], &BASE[..]].concat()));
+    let heading = || document(&hub, &["odometry"])["heading_degrees"].as_f64().unwrap();
+    let before = heading();
+    out(&client(&hub, &["together", "0=0", "1=0", "--by"]));
+    assert!((heading() - before).abs() < 0.5, "{} degrees, {before} before", heading());
+}
+
+#[test]
 fn a_drive_warns_of_its_own_losses_of_the_gyro_only() {
     let changes = "over_time = [{ at_s = 4, i2c_faults = [\"no-acknowledge\"] }, { at_s = 4.5, i2c_faults = [\"none\"] }]";
     let motor = "[[motors]]\nlabel = \"left\"\nmotor = \"NeveRest 60\"\n";

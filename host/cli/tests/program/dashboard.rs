@@ -94,15 +94,15 @@ const OUT_OF_RANGE: &str = r#"
 {"acceleration":{"motor":0,"limit":0}} | an acceleration of 0 counts/s² is out of range; allowed is 1 to 4294967295 counts/s²
 {"acceleration":{"motor":0,"limit":-5}} | an acceleration of -5 counts/s² is out of range
 {"identify":{"motor":0,"travel":-1}} | a travel of -1 counts is out of range; allowed is 0 to 4294967295 counts
-{"together":{"to":[3e9,null,null,null],"speed":1,"acceleration":1}} | a position of 3000000000 counts is out of range
+{"together":{"by":[3e9,null,null,null],"speed":1,"acceleration":1}} | a distance of 3000000000 counts is out of range
 {"turn":{"at":[null,-2e6,null,null],"acceleration":1}} | a group's speed of -2000000 counts/s is out of range
 {"device":{"servo":{"servo":0,"period_us":70000,"width_us":1500,"on":true}}} | a servo's period of 70000 us is out of range; allowed is 0 to 65535 us
 {"set-up":{"motor":0,"scheme":"E","duty":"linear-duty"}} | unknown scheme `E`
 {"set-up":{"motor":0,"name":"AM 61 A","scheme":"A","duty":"linear-duty"}} | AM 61 A
 {"apply":{"motor":0}} | not identified yet
 {"undo":{"motor":0}} | nothing to undo
-{"together":{"to":[null,null,null,null],"speed":1,"acceleration":1}} | at least one motor
-{"together":{"to":[1,null,null,null],"speed":0,"acceleration":1}} | allowed is 1 to 1000000
+{"together":{"by":[null,null,null,null],"speed":1,"acceleration":1}} | at least one motor
+{"together":{"by":[1,null,null,null],"speed":0,"acceleration":1}} | allowed is 1 to 1000000
 {"world":{"battery":{"volts":99}}} | a battery of 99 V is out of range; allowed is 0 to 16 V
 {"world":{"hold":{"motor":9,"held":true}}} | there is no motor 9
 {"world":{"encoder":{"motor":0,"is":"wet"}}} | an encoder is not `wet`

@@ -13,8 +13,8 @@ export function groupPanel(link) {
   const speed = h("input", { type: "number", min: 1, value: 1000, step: 1, id: "group-speed" });
   const acceleration = h("input", { type: "number", min: 1, value: 2000, step: 1, id: "group-acceleration" });
   const go = h("button", { type: "button", class: "primary", onclick: () => {
-    const to = places.map((field, motor) => (field.value === "" ? null : Math.round(Number(field.value) + (state.frame?.motors[motor]?.position ?? 0))));
-    link.order("together", { to, speed: Math.round(Number(speed.value)), acceleration: Math.round(Number(acceleration.value)) });
+    const by = places.map((field) => (field.value === "" ? null : Math.round(Number(field.value))));
+    link.order("together", { by, speed: Math.round(Number(speed.value)), acceleration: Math.round(Number(acceleration.value)) });
   } }, "Move together");
   const speeds = [0, 1, 2, 3].map((motor) => h("input", { type: "number", step: 1, placeholder: "stays", "aria-label": `Turn motor ${motor} at, counts/s` }));
   const turn = h("button", { type: "button", class: "primary", onclick: () => {
