@@ -65,6 +65,15 @@ impl DriveBase {
         }
     }
 
+    /// Returns the counts of both wheels for an arc, as [`arc`](Self::arc) does, but not rounded. A host adds up several
+    /// parts of a course in these counts, so that their rounding errors do not add up.
+    pub const fn counts(&self, mm: f64, degrees: f64) -> [f64; 2] {
+        let [left, right] = self.counts_per_turn;
+        let turn_mm = degrees * (PI / 180.0) * self.track_mm / 2.0;
+        let circumference_mm = PI * self.wheel_diameter_mm;
+        [(mm - turn_mm) / circumference_mm * left, (mm + turn_mm) / circumference_mm * right]
+    }
+
     /// Returns the speeds of both wheels for a forward speed in mm/s and a speed of turning left in degrees per second.
     ///
     /// # Errors
@@ -87,14 +96,6 @@ impl DriveBase {
     pub const fn heading(&self, counts: [i32; 2]) -> f64 {
         let [left, right] = self.distances_mm(counts);
         (right - left) / self.track_mm * (180.0 / PI)
-    }
-
-    /// Returns the counts of both wheels, not rounded.
-    const fn counts(&self, mm: f64, degrees: f64) -> [f64; 2] {
-        let [left, right] = self.counts_per_turn;
-        let turn_mm = degrees * (PI / 180.0) * self.track_mm / 2.0;
-        let circumference_mm = PI * self.wheel_diameter_mm;
-        [(mm - turn_mm) / circumference_mm * left, (mm + turn_mm) / circumference_mm * right]
     }
 
     /// Returns the distance of each wheel in mm.

@@ -46,28 +46,32 @@ pub enum Part {
 impl Part {
     /// Returns the positions of the wheels at the end of the part, and the command that moves the wheels there. `from`
     /// are the positions at the start of the part. Positions are corrected positions in counts: see
-    /// [`OdometryReport::counts`]. Speed and acceleration apply to the wheels, in mm/s and mm/s².
+    /// [`OdometryReport::counts`]. They are not rounded, so a host that passes the end of a part as the start of the next
+    /// part adds up no rounding errors. Speed and acceleration apply to the wheels, in mm/s and mm/s².
     ///
     /// # Errors
     /// A distance, a speed or an acceleration is out of range.
     pub fn command(
         self,
         base: &BaseSettings,
-        from: [i32; 2],
+        from: [f64; 2],
         speed_mm_per_s: f64,
         acceleration_mm_per_s2: f64,
-    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), RangeError> {
+    ) -> Result<([f64; 2], GroupCommand<GroupCourse>), RangeError> {
         let geometry = base.geometry();
-        let [left, right] = match self {
-            Self::Straight(mm) => geometry.straight(mm)?,
-            Self::Turn(degrees) => geometry.turn(degrees)?,
+        let (mm, degrees) = match self {
+            Self::Straight(mm) => (mm, 0.0),
+            Self::Turn(degrees) => (0.0, degrees),
         };
+        // Only the length is checked here: positions wrap.
+        geometry.arc(mm, degrees)?;
         let [from_left, from_right] = from;
-        let to = [from_left.wrapping_add(left), from_right.wrapping_add(right)];
+        let [left, right] = geometry.counts(mm, degrees);
+        let to = [from_left + left, from_right + right];
         let mut course = [None; CHANNELS];
         for (wheel, counts) in base.wheels.into_iter().zip(to) {
             if let Some(slot) = course.get_mut(usize::from(wheel)) {
-                *slot = Some(counts);
+                *slot = Some(whole(counts));
             }
         }
         let [speed, _] = geometry.speeds(speed_mm_per_s, 0.0)?;
@@ -75,6 +79,11 @@ impl Part {
         let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
         Ok((to, GroupCommand::new(GroupCourse::Position(course), speed, acceleration)))
     }
+}
+
+/// Rounds a position to whole counts. Positions wrap.
+fn whole(counts: f64) -> i32 {
+    counts.round() as i64 as i32
 }
 
 /// Odometry of a drive base in mm and degrees, with names for display and JSON.

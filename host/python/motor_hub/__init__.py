@@ -425,7 +425,7 @@ class Base:
     ) -> None:
         self._hub = hub
         # Counts of the wheels at the end of the last part: the next part begins there, so errors of the parts do not add up.
-        self._end: tuple[int, int] | None = None
+        self._end: tuple[float, float] | None = None
         self.wheels = wheels
         self.wheel_diameter_mm = wheel_diameter_mm
         self.track_mm = track_mm

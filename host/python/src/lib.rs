@@ -333,16 +333,16 @@ impl Link {
     /// Drives the base over the distance `by` in mm, or turns the base by the angle `by` in degrees if `turns` is true.
     /// `start` are the target positions of the wheels of the last motion in counts. If the wheels are near `start`, the
     /// motion is computed from `start`, so that errors of several motions do not add up. Otherwise the motion is
-    /// computed from the present positions. Returns the target positions of this motion.
+    /// computed from the present positions. Returns the target positions of this motion, not rounded to whole counts.
     fn drive(
         &self,
         py: Python<'_>,
-        start: Option<(i32, i32)>,
+        start: Option<(f64, f64)>,
         turns: bool,
         by: f64,
         speed: f64,
         acceleration: f64,
-    ) -> PyResult<(i32, i32)> {
+    ) -> PyResult<(f64, f64)> {
         /// Largest distance of each wheel from `start` in counts. At a larger distance something else has moved the
         /// wheels since the last motion.
         const NEAR_COUNTS: u32 = 100;
@@ -360,10 +360,12 @@ impl Link {
             return Err(HubError::new_err("the hub has no drive base; configure one by hub.set_base"));
         };
         let counts = self.run(py, Session::odometry)?.counts;
-        let is_near = |end: &[i32; 2]| {
-            end.iter().zip(counts).all(|(end, counts)| end.wrapping_sub(counts).unsigned_abs() <= NEAR_COUNTS)
+        let is_near = |end: &[f64; 2]| {
+            // Positions wrap.
+            let distance = |end: f64, counts: i32| (end.round() as i64 as i32).wrapping_sub(counts);
+            end.iter().zip(counts).all(|(&end, counts)| distance(end, counts).unsigned_abs() <= NEAR_COUNTS)
         };
-        let from = start.map(<[i32; 2]>::from).filter(is_near).unwrap_or(counts);
+        let from = start.map(<[f64; 2]>::from).filter(is_near).unwrap_or(counts.map(f64::from));
         let (end, command) = part
             .command(&base, from, speed, acceleration)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;

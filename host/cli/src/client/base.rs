@@ -98,10 +98,18 @@ impl Options {
 
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
         let given = self.settings()?;
-        let command = |base: &BaseSettings, from: [i32; 2], part: &Part| {
+        let command = |base: &BaseSettings, from: [f64; 2], part: &Part| {
             part.command(base, from, self.speed_mm_per_s, self.acceleration_mm_per_s2).map_err(Failure::input)
         };
-        let check = |base| self.parts.iter().try_for_each(|part| command(base, [0; 2], part).map(drop));
+        let check = |base: &BaseSettings| {
+            let (mut at, mut moves) = ([0.0; 2], false);
+            for part in &self.parts {
+                (at, _) = command(base, at, part)?;
+                moves |= at.iter().any(|counts: &f64| counts.abs() >= 0.5);
+            }
+            let stays = self.parts.iter().all(|(Part::Straight(by) | Part::Turn(by))| *by == 0.0);
+            if moves || stays { Ok(()) } else { Err(too_small(&base.geometry())) }
+        };
         given.as_ref().map_or(Ok(()), check)?;
         let session = &mut hub.open(None)?;
         let base = match given {
@@ -120,7 +128,7 @@ impl Options {
             }
             await_gyro(driven)?;
             let start = driven.odometry()?;
-            let mut at = start.counts;
+            let mut at = start.counts.map(f64::from);
             enable_with_power_0(driven, &base.wheels)?;
             // Earlier losses are not reported again. A gyro that is still lost is reported after the first part.
             let mut losses = if start.gyro == GyroState::Lost { 0 } else { start.losses };
@@ -156,6 +164,16 @@ impl Options {
         })?;
         print(&format!("{}\n", text(&end)))
     }
+}
+
+/// Returns the failure of parts that round to no motion.
+fn too_small(base: &DriveBase) -> Failure {
+    let counts_per_mm = base.counts(1.0, 0.0).into_iter().map(f64::abs).fold(0.0, f64::max);
+    let mm = 0.5 / counts_per_mm;
+    let degrees = (2.0 * mm / base.track_mm).to_degrees();
+    Failure::input(format!(
+        "the parts move no wheel by a count of its encoder; the least is straight={mm:.2} or turn={degrees:.2} on this base"
+    ))
 }
 
 /// Waits for the first reading of the gyro, if the base uses one.

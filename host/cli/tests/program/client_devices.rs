@@ -97,6 +97,10 @@ fn a_base_drives_by_its_gyro_and_reports_its_position() {
         (&["drive", "turn=3", "--wheels", "1,1"], "two different motors"),
         (&["drive", "turn=3", "--speed-mm-per-s", "0"], "allowed is a number from 0.001 to 1000000"),
         (&["drive", "turn=3", "--track-mm", "20000"], "a track of 1 mm to 10 m"),
+        (
+            &["drive", "turn=0.01", "straight=-0.05"],
+            "no wheel by a count of its encoder; the least is straight=0.08 or turn=0.03",
+        ),
     ] {
         let base = if wrong.contains(&"--track-mm") {
             &["--wheel-diameter-mm", "90", "--counts-per-turn", "9,9"][..]
