@@ -167,7 +167,7 @@ impl core::fmt::Display for RangeError {
                 "acceleration per volt must be above 0 and below 16777216 counts/s^2/V"
             }
             Self::DecayRate => "decay rate must be at least 0 and below 65536 per second",
-            Self::Acceleration => "acceleration must be above 0 counts/s^2",
+            Self::Acceleration => "acceleration must be 1 to 4294967295 counts/s^2",
             Self::Speed => "speed must be -8388607 to 8388607 counts/s, counts per revolution above 0",
             Self::Distance => "distance must be -2147483647 to 2147483647 counts",
             Self::Blend => "blend must be 0 to 1",

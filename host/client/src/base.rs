@@ -31,7 +31,7 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{BaseSettings, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
-use motor_hub::units::{Acceleration, RangeError};
+use motor_hub::units::{Acceleration, CountsPerSecond, RangeError};
 use serde::Serialize;
 
 /// A part of a base's course.
@@ -74,9 +74,14 @@ impl Part {
                 *slot = Some(whole(counts));
             }
         }
-        let [speed, _] = geometry.speeds(speed_mm_per_s, 0.0)?;
-        let [acceleration, _] = geometry.speeds(acceleration_mm_per_s2, 0.0)?;
-        let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
+        // The group applies both limits to the wheel that moves most.
+        let most = |mm: f64| geometry.counts(mm, 0.0).into_iter().map(f64::abs).fold(0.0, f64::max);
+        let speed = CountsPerSecond::from_rpm(60.0 * most(speed_mm_per_s), 1.0)?;
+        let acceleration = most(acceleration_mm_per_s2).round().max(1.0);
+        if acceleration > f64::from(u32::MAX) {
+            return Err(RangeError::Acceleration);
+        }
+        let acceleration = Acceleration::new(acceleration as u32)?;
         Ok((to, GroupCommand::new(GroupCourse::Position(course), speed, acceleration)))
     }
 }
