@@ -109,6 +109,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     }
     let motors = labelled(file.motors.get_ref(), |table| &table.label, |table| table.check(duration_s))?;
     let groups = labelled(&file.groups, |table| &table.label, |table| table.check(&motors, duration_s))?;
+    file.check_gyro_bases(&groups)?;
     if is_complete {
         file.check_commanded(&groups)?;
     }
@@ -162,6 +163,20 @@ impl File {
         let &BusTable { capacitance_f, one_way, opens_at_s, limits } = table.get_ref();
         check_time("opens_at_s", opens_at_s, self.duration_s.0).at(table)?;
         Ok((Some(Bus { capacitance_f: capacitance_f.0, one_way, opens_at_s }), limits))
+    }
+
+    /// Checks that all bases with a gyro are alike, because the hub has one drive base.
+    fn check_gyro_bases(&self, groups: &[Group]) -> Checked<()> {
+        let mut with_gyro = self.groups.iter().zip(groups).filter(|(_, group)| group.use_gyro);
+        let Some((_, first)) = with_gyro.next() else { return Ok(()) };
+        match with_gyro.find(|(_, group)| group.base != first.base) {
+            Some((table, _)) => Err(format!(
+                "the hub has one drive base with use_gyro, and the base of the group {:?} is another; give both the same values",
+                first.label
+            ))
+            .at(table),
+            None => Ok(()),
+        }
     }
 
     /// Checks that every motor has a set-point of its own or a group.

@@ -432,6 +432,23 @@ fn a_group_that_cannot_be_is_refused() {
 }
 
 #[test]
+fn bases_with_a_gyro_must_be_alike() {
+    let (head, tail) = TWO_WHEELS.split_once("[[groups]]").expect("a group");
+    let (group, expect) = tail.split_once("[[expect]]").expect("an expectation");
+    let group = group.replace("track_mm = 300", "track_mm = 300, use_gyro = true");
+    let second = group.replace("label = \"base\"", "label = \"second\"");
+    let parse = |second: &str| {
+        Scenario::parse("s.toml", &format!("{head}[[groups]]{group}[[groups]]{second}[[expect]]{expect}"))
+    };
+    assert!(parse(&second).is_ok());
+    assert!(parse(&second.replace("300, use_gyro = true", "150")).is_ok(), "without a gyro");
+    let error =
+        parse(&second.replace("track_mm = 300", "track_mm = 150")).expect_err("two bases").to_string();
+    let says = "s.toml:19:1: the hub has one drive base with use_gyro, and the base of the group \"base\" is another";
+    assert!(error.starts_with(says), "{error}");
+}
+
+#[test]
 fn a_scheme_may_be_written_in_either_case() {
     let text = SOUND.replace("scheme = \"D\"", "scheme = \"d\"");
     let [upper, lower] = [SOUND, &text].map(|text| Scenario::parse("s.toml", text).expect("it is sound"));
