@@ -2,6 +2,7 @@
 
 use motor_hub::group::DriveBase;
 use motor_hub::motor::Setpoint;
+use motor_hub::regulator::Reference;
 use simulated::scenario::{Group, Motor};
 use simulated::trace::{Tick, Trace};
 use std::iter::Peekable;
@@ -31,7 +32,8 @@ fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
 }
 
 /// Largest difference in degrees between the heading of a base and the heading of its wheels' references, at any tick
-/// of the window. `None` if there is no base, or no tick at which both wheels have references.
+/// of the window. The heading of a base with a gyro is its true heading. `None` if there is no base, or no tick at which
+/// both wheels have references.
 pub(crate) fn largest_heading_error(
     group: &Group,
     motors: &[Motor],
@@ -51,21 +53,17 @@ pub(crate) fn largest_heading_error(
     errors.reduce(f64::max)
 }
 
-/// Counts by which the left and the right wheel have slipped in turns, and which the hub has not corrected yet. 0 for a
-/// base without a gyro, because such a base measures its heading by its wheels alone.
+/// Counts by which the left and the right wheel have slipped in turns. 0 for a base without a gyro, because such a base
+/// measures its heading by its wheels alone.
 fn slip_counts(group: &Group, tick: &Tick) -> [i64; 2] {
-    let none = [0; 2];
     // The simulated gyro stands on the base of the motors 0 and 1.
-    let (Some(base), Some(state), [left, right, ..]) = (group.base, tick.base, tick.motors.as_slice()) else {
-        return none;
-    };
-    if !group.use_gyro {
-        return none;
+    match (group.base, tick.motors.as_slice()) {
+        (Some(base), [left, right, ..]) if group.use_gyro => {
+            let by_wheels = heading(&base, [left.counts as f64, right.counts as f64]);
+            base.turn(by_wheels - tick.pose.heading_degrees).unwrap_or_default().map(i64::from)
+        }
+        _ => [0; 2],
     }
-    let by_wheels = heading(&base, [left.counts as f64, right.counts as f64]);
-    let [left, right] = base.turn(by_wheels - tick.pose.heading_degrees).unwrap_or_default();
-    let [left_corrected, right_corrected] = state.correction;
-    [i64::from(left) - i64::from(left_corrected), i64::from(right) - i64::from(right_corrected)]
 }
 
 /// The heading error of a base, from tick to tick.
@@ -73,6 +71,10 @@ fn slip_counts(group: &Group, tick: &Tick) -> [i64; 2] {
 /// If a wheel no longer follows the group, for example after a fault, the last references of both wheels stay in force.
 /// Therefore a base that turns while it halts has an error. References end with the next course, or with a set-point of
 /// a single wheel.
+///
+/// The hub adds the slip of the wheels of a base with a gyro to the positions of their references. The error must not
+/// trust the hub in this. So the references of such a base are the sums of their speeds, which hold no slip, from the first
+/// tick at which both wheels follow a group.
 pub(crate) struct HeadingError {
     base: DriveBase,
     wheels: [usize; 2],
@@ -80,6 +82,10 @@ pub(crate) struct HeadingError {
     ends: Peekable<IntoIter<f64>>,
     /// The last references of both wheels, in counts; `None` if there are none.
     led: Option<[f64; 2]>,
+    use_gyro: bool,
+    /// Time of the last tick in seconds, and the mean speeds of both references from this tick to the next, in counts/s;
+    /// `None` if a wheel did not follow a group.
+    speeds: Option<(f64, [f64; 2])>,
 }
 
 impl HeadingError {
@@ -88,9 +94,12 @@ impl HeadingError {
         let &[left, right] = group.motors.as_slice() else { return None };
         let members = [left, right].map(|motor| motors.get(motor).map_or(&[][..], |motor| &motor.setpoints));
         let own = members.into_iter().flatten().map(|setpoint| setpoint.at_s);
-        let mut ends: Vec<f64> = group.courses.iter().map(|course| course.at_s).chain(own).collect();
+        // The references of a base with a gyro are summed up over all courses.
+        let courses = group.courses.iter().filter(|_| !group.use_gyro).map(|course| course.at_s);
+        let mut ends: Vec<f64> = courses.chain(own).collect();
         ends.sort_by(f64::total_cmp);
-        Some(Self { base: group.base?, wheels: [left, right], ends: ends.into_iter().peekable(), led: None })
+        let (wheels, ends) = ([left, right], ends.into_iter().peekable());
+        Some(Self { base: group.base?, wheels, ends, led: None, use_gyro: group.use_gyro, speeds: None })
     }
 
     /// The error in degrees at a tick; `None` without references. `wheel` gives the set-point and the true counts of a
@@ -105,22 +114,69 @@ impl HeadingError {
         }
         let [left, right] = self.wheels.map(wheel);
         let ((left, left_counts), (right, right_counts)) = (left?, right?);
-        if let (Some(left), Some(right)) = (reference(left), reference(right)) {
-            self.led = Some([left, right]);
+        let counts = [left_counts as f64, right_counts as f64];
+        let speeds = self.speeds.take();
+        if let (Setpoint::Follow(left), Setpoint::Follow(right)) = (left, right) {
+            let references = [left, right];
+            self.led = Some(match (self.led, speeds) {
+                _ if !self.use_gyro => references.map(position),
+                (Some(led), Some((last_s, cps))) => {
+                    [0, 1].map(|wheel| led[wheel] + (at_s - last_s) * cps[wheel])
+                }
+                _ => counts,
+            });
+            let mean = |reference: Reference| (reference.speed.to_f64() + reference.next.to_f64()) / 2.0;
+            self.speeds = Some((at_s, references.map(mean)));
         }
         let [left, right] = self.led?;
-        Some(heading(&self.base, [left_counts as f64 - left, right_counts as f64 - right]).abs())
+        let [left_counts, right_counts] = counts;
+        Some(heading(&self.base, [left_counts - left, right_counts - right]).abs())
     }
 }
 
-/// The reference position in counts of a member of a group; `None` for another set-point.
-fn reference(setpoint: Setpoint) -> Option<f64> {
-    let Setpoint::Follow(reference) = setpoint else { return None };
-    Some(f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0)
+/// The position of a reference in counts.
+fn position(reference: Reference) -> f64 {
+    f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0
 }
 
 /// The heading in degrees of a base whose wheels have turned by these counts, resolved to a thousandth of a count.
 fn heading(base: &DriveBase, counts: [f64; 2]) -> f64 {
     const PARTS: f64 = 1_000.0;
     base.heading(counts.map(|counts| (PARTS * counts).round() as i32)) / PARTS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motor_hub::units::CountsPerSecond;
+
+    #[test]
+    fn a_gyro_base_that_the_hub_turns_too_little_has_an_error_whatever_its_references_are() {
+        let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+        let group = Group {
+            label: "base".into(),
+            motors: vec![0, 1],
+            base: Some(base),
+            use_gyro: true,
+            courses: Vec::new(),
+        };
+        for lost in [0.0, 0.1] {
+            let mut error = HeadingError::new(&group, &[]).expect("a base");
+            let mut last = None;
+            // The references turn by 90 degrees in 1.4 s.
+            for tick in 0..=140 {
+                let counts = f64::from(10 * tick);
+                let wheel = |motor: usize| {
+                    let side = if motor == 0 { -1.0 } else { 1.0 };
+                    let speed = CountsPerSecond::new((1_000.0 * side) as i32);
+                    let moved = (side * counts * (1.0 - lost)).round();
+                    let position = moved as i32;
+                    let reference = Reference { position, speed, next: speed, ..Reference::default() };
+                    Some((Setpoint::Follow(reference), moved as i64))
+                };
+                last = error.step(f64::from(tick) / 100.0, wheel);
+            }
+            assert!((last.expect("references") - 90.0 * lost).abs() < 0.1, "{lost}: {last:?}");
+        }
+    }
 }
