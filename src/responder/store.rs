@@ -427,8 +427,10 @@ fn entries_of(record: &SettingsRecord, motor: u8, group: Group) -> impl Iterator
 
 /// Returns the values of an entry as bytes. `None` if the entry does not set this group of this motor's settings.
 fn value_bytes<'a>(entry: &Entry<'a>, motor: u8, group: Group) -> Option<&'a [u8]> {
-    let values = entry.payload.strip_prefix(name_of(group, motor).as_slice());
-    values.filter(|_| entry.id == group.set_id())
+    if entry.id != group.set_id() {
+        return None;
+    }
+    entry.payload.strip_prefix(name_of(group, motor).as_slice())
 }
 
 /// Reads the values of an entry. A field that is missing, because an earlier firmware stored the entry, is taken from
