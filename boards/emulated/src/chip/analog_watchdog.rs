@@ -1,7 +1,6 @@
 //! A converter of the STM32H743 with its first analog watchdog (RM0433 25.4.30), which the emulator lacks. A reading
 //! beyond a threshold sets a flag, and the flag causes an interrupt. A dead converter converts nothing.
 
-use delegate::delegate;
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::{Register, cfgr, ier, isr};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
@@ -63,17 +62,7 @@ impl AdcWithWatchdog {
 impl Device for AdcWithWatchdog {
     type Register = Register;
 
-    delegate! {
-        to self.converter {
-            fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
-            fn on_request(
-                &mut self,
-                request: RequestChange,
-                registers: &mut RegisterFile,
-                context: &mut DeviceContext<'_>,
-            );
-        }
-    }
+    forward!(converter: on_clock, on_request);
 
     fn read(
         &mut self,

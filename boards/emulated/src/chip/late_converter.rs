@@ -1,6 +1,5 @@
 //! A converter of the STM32H743. A test can make one of its conversions take too long.
 
-use delegate::delegate;
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::Register;
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
@@ -25,31 +24,10 @@ impl DelayedAdc {
 impl Device for DelayedAdc {
     type Register = Register;
 
-    delegate! {
-        to self.converter {
-            fn read(
-                &mut self,
-                register: Register,
-                registers: &mut RegisterFile,
-                context: &mut DeviceContext<'_>,
-            ) -> Option<u64>;
-            fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
-            fn write(
-                &mut self,
-                register: Register,
-                value: u64,
-                registers: &mut RegisterFile,
-                context: &mut DeviceContext<'_>,
-            );
-            fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
-            fn on_request(
-                &mut self,
-                request: RequestChange,
-                registers: &mut RegisterFile,
-                context: &mut DeviceContext<'_>,
-            );
-            fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
-        }
+    forward!(converter: read, write, on_clock, on_request, reset_line);
+
+    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        self.converter.peek(register, registers, now)
     }
 
     fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
