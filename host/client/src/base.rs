@@ -29,7 +29,7 @@ use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::group::{BaseSettings, GroupCommand, GyroState};
+use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, CountsPerSecond, RangeError};
 use serde::Serialize;
@@ -75,15 +75,19 @@ impl Part {
             }
         }
         // The group applies both limits to the wheel that moves most.
-        let most = |mm: f64| geometry.counts(mm, 0.0).into_iter().map(f64::abs).fold(0.0, f64::max);
-        let speed = CountsPerSecond::from_rpm(60.0 * most(speed_mm_per_s), 1.0)?;
-        let acceleration = most(acceleration_mm_per_s2).round().max(1.0);
+        let speed = CountsPerSecond::from_rpm(60.0 * most_counts(&geometry, speed_mm_per_s), 1.0)?;
+        let acceleration = most_counts(&geometry, acceleration_mm_per_s2).round().max(1.0);
         if acceleration > f64::from(u32::MAX) {
             return Err(RangeError::Acceleration);
         }
         let acceleration = Acceleration::new(acceleration as u32)?;
         Ok((to, GroupCommand::new(GroupCourse::Position(course), speed, acceleration)))
     }
+}
+
+/// Returns the counts of the wheel with more counts on a straight distance in mm, not negative and not rounded.
+pub fn most_counts(base: &DriveBase, mm: f64) -> f64 {
+    base.counts(mm, 0.0).into_iter().map(f64::abs).fold(0.0, f64::max)
 }
 
 /// Rounds a position to whole counts. Positions wrap.

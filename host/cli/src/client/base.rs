@@ -10,7 +10,7 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
-use motor_hub_client::base::{OdometryValues, Part};
+use motor_hub_client::base::{OdometryValues, Part, most_counts};
 use std::time::Duration;
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after power-on, and the hub tries to read it
@@ -168,8 +168,7 @@ impl Options {
 
 /// Returns the failure of parts that round to no motion.
 fn too_small(base: &DriveBase) -> Failure {
-    let counts_per_mm = base.counts(1.0, 0.0).into_iter().map(f64::abs).fold(0.0, f64::max);
-    let mm = 0.5 / counts_per_mm;
+    let mm = 0.5 / most_counts(base, 1.0);
     let degrees = (2.0 * mm / base.track_mm).to_degrees();
     Failure::input(format!(
         "the parts move no wheel by a count of its encoder; the least is straight={mm:.2} or turn={degrees:.2} on this base"
