@@ -64,6 +64,22 @@ fn a_hot_motor_keeps_its_speed_within_1_percent() {
     assert!(worst.is_empty(), "{} bad:\n{}", worst.len(), worst.join("\n"));
 }
 
+#[test]
+fn the_back_emf_constant_in_force_is_reported() {
+    let cold = motor("AM 60 A");
+    let load = inertia(0.05);
+    let settings = configured(&cold, &load);
+    let after_6_s = |motor: Motor| {
+        let mut bench = Bench::one(settings, plant(motor, load), 50);
+        bench.set(0, velocity(free_cps(&cold) as i32 / 2));
+        bench.run_ms(6_000);
+        bench.snapshot.motors[0].emf_constant.expect("a tick").to_volts() / settings.winding.emf.to_volts()
+    };
+    assert_eq!(after_6_s(cold), 1.0);
+    let share = after_6_s(hot(&cold));
+    assert!((0.85..0.99).contains(&share), "{share} of the configured constant");
+}
+
 /// Temperatures of a real motor, which need not be those that the hub computes: a winding on a case, in steps of 1 ms.
 struct Heat {
     /// Continuous current in A, at which the winding becomes `rise_k` warmer.

@@ -28,7 +28,7 @@ use crate::protocol::{CHANNELS, Nack};
 use crate::record::Fault;
 use crate::regulator::Kind;
 use crate::supply::BusState;
-use crate::units::{Control, Milliamperes, Millivolts, is_included};
+use crate::units::{Control, EmfConstant, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
 /// Version of the [`HubReport`] that this firmware sends. A higher version has more fields after all motors.
@@ -67,6 +67,10 @@ payload! {
         pub bridge_fault: bool,
         /// State of the current-sense line.
         pub sense_line: SenseLine,
+        /// Back EMF constant in force: the configured one, unless the hub has corrected it because the speed hunted or
+        /// because the motor has become warm. `None` before the first tick, and
+        /// from firmware that does not report it.
+        pub emf_constant: Option<EmfConstant> as reported,
     }
 }
 
@@ -86,6 +90,19 @@ payload! {
         pub returned_mj: u32,
         /// Energy that braking motors have dissipated since boot, in millijoules.
         pub dissipated_mj: u32,
+    }
+}
+
+/// Codec of a last field that older firmware does not send.
+mod reported {
+    use super::{Field, Fields, Nack, Payload};
+
+    pub(super) fn read<T: Field>(fields: &mut Fields<'_>) -> Result<Option<T>, Nack> {
+        (!fields.is_empty()).then(|| T::read(fields)).transpose()
+    }
+
+    pub(super) fn write<T: Field>(value: &Option<T>, payload: &mut Payload) {
+        value.iter().for_each(|value| value.write(payload));
     }
 }
 

@@ -5,7 +5,7 @@ use crate::braking::{OperatingPoint, Regime};
 use crate::bridge::Drive;
 use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
-use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts, Voltage};
+use crate::units::{Control, CountsPerSecond, EmfConstant, Milliamperes, Millivolts, Voltage};
 
 /// Faults of a motor. With a fault that its set-point does not tolerate the motor coasts or brakes, by its setting
 /// [`OnFault`](super::OnFault). With a fault of battery or bridge every motor coasts.
@@ -105,6 +105,9 @@ pub struct Report {
     pub settled: bool,
     /// True if the motor is regulated, and a stop or a load holds the motor.
     pub stalled: bool,
+    /// Back EMF constant in force: the configured one, unless the hub has corrected it because the speed hunted or
+    /// because the motor has become warm. `None` before the first tick.
+    pub emf_constant: Option<EmfConstant>,
     /// State or result of the last identification.
     pub identification: Identification,
     /// Faults of the motor.
@@ -157,6 +160,7 @@ impl Report {
         drive: Drive::COAST,
         settled: false,
         stalled: false,
+        emf_constant: None,
         identification: Identification::None,
         faults: Faults::NONE,
     };

@@ -75,7 +75,7 @@ fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Optio
 
 /// Returns the state of a motor and its bridge.
 pub(super) fn condition(report: &Report) -> Condition {
-    let Report { current, measured, sense_line, heat, derated, faults, .. } = *report;
+    let Report { current, measured, sense_line, heat, derated, emf_constant, faults, .. } = *report;
     Condition {
         current,
         measured_ma: measured.map(Milliamperes::magnitude),
@@ -84,5 +84,6 @@ pub(super) fn condition(report: &Report) -> Condition {
         overheated: faults.overheated,
         bridge_fault: faults.bridge,
         sense_line,
+        emf_constant,
     }
 }

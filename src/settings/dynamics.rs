@@ -62,7 +62,7 @@ impl Dynamics {
             Ok(gain) => gain,
             Err(error) => return Err(error),
         };
-        let volts_per_speed = winding.emf.to_bits() as f64 / (1e3 * (1 << 20) as f64);
+        let volts_per_speed = winding.emf.to_millivolt_seconds() / 1e3;
         let decay = match DecayRate::from_f64(b * volts_per_speed + drag / inertia) {
             Ok(decay) => decay,
             Err(error) => return Err(error),

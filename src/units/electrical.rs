@@ -195,6 +195,11 @@ impl EmfConstant {
         self.to_bits() as f32 / (1e3 * (1 << 20) as f32)
     }
 
+    /// Returns the constant in mV s/count, exactly.
+    pub const fn to_millivolt_seconds(self) -> f64 {
+        self.to_bits() as f64 / (1 << 20) as f64
+    }
+
     /// Returns the back EMF at `speed`.
     ///
     /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s. With speeds in

@@ -267,10 +267,11 @@ fn the_condition_of_motor_and_bridge_is_that_of_the_last_tick() {
         sense_line: SenseLine::Excessive,
         heat: 1_050,
         derated: true,
+        emf_constant: Some(Winding::NEVEREST_60.emf),
         faults: Faults { overheated: true, bridge: true, ..Faults::default() },
         ..Report::INITIAL
     };
-    let answer = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4];
+    let answer = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4, 0x0F, 0xCA, 0x3F, 0];
     assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Answer::Data(answer.to_vec()));
 }
 

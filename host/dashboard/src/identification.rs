@@ -103,7 +103,7 @@ pub(crate) fn dynamics_json(dynamics: &Dynamics) -> Value {
 /// constants.
 fn found_json(found: &Identified, before: &MotorSettings, proposed: &MotorSettings) -> Value {
     let mut result = dynamics_json(&found.dynamics);
-    result["emf_mv_s_per_count"] = (f64::from(found.emf.to_bits()) / f64::from(1 << 20)).into();
+    result["emf_mv_s_per_count"] = found.emf.to_millivolt_seconds().into();
     result["gain_error"] = (f64::from(found.gain_error) / 1e3).into();
     result["decay_error"] = (f64::from(found.decay_error) / 1e3).into();
     result["residual"] = (f64::from(found.residual) / 1e3).into();

@@ -6,7 +6,7 @@ use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::{EmfConstant, RangeError};
+use motor_hub::units::RangeError;
 use serde_json::{Value, json};
 use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 use simulated::trace::{Sample, Trace};
@@ -204,17 +204,13 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
         "back EMF and drag, q / b",
         "mV s/count",
         4,
-        volts_per_speed(found.emf),
+        found.emf.to_millivolt_seconds(),
         configured(found.emf_error),
         ratio,
     );
     let (c, true_c) = of(|d| MV * f64::from(d.friction.get()));
     row("friction, c", "V", 3, c, format!("{:.3} V", MV * f64::from(found.friction_error.get())), true_c);
     table
-}
-
-fn volts_per_speed(emf: EmfConstant) -> f64 {
-    f64::from(emf.to_bits()) / f64::from(1 << 20)
 }
 
 /// The outcome in words, without numbers.
@@ -245,7 +241,7 @@ pub fn json(outcome: Identification) -> Value {
     json!({
         "outcome": "found",
         "found": dynamics(&found.dynamics),
-        "emf_mv_s_per_count": volts_per_speed(found.emf),
+        "emf_mv_s_per_count": found.emf.to_millivolt_seconds(),
         "emf_is_configured": found.emf_is_configured,
         "standard_errors": {
             "acceleration_per_volt": f64::from(found.gain_error) / 1e3,

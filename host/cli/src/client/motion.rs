@@ -93,7 +93,7 @@ pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(),
 
 /// Returns the free speed in counts per second. At this speed the back EMF equals the battery voltage.
 fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
-    f64::from(battery.get()) * f64::from(1 << 20) / f64::from(emf.to_bits())
+    f64::from(battery.get()) / emf.to_millivolt_seconds()
 }
 
 /// Longest control period of a hub, in milliseconds.

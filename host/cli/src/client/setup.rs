@@ -13,6 +13,7 @@ use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{Settings, ThermalLimit};
+use motor_hub::units::EmfConstant;
 use motor_hub_client::Session;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
@@ -104,6 +105,7 @@ impl Options {
         let given = self.name.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
         write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
+        session.catch_up()?;
         self.show(&settings, session.condition(self.motor.number)?)
     }
 
@@ -129,6 +131,7 @@ impl Options {
     fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Failure> {
         let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
         let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
+        let in_force = condition.emf_constant.map(EmfConstant::to_millivolt_seconds);
         let millihenries = Some(number("inductance_mh")).filter(|mh| *mh != 0.0);
         let duty = Field::named("duty").and_then(|duty| duty.word_of(duty.get(settings))).unwrap_or_default();
         let Settings { scheme, bridge, .. } = settings.motor;
@@ -141,11 +144,13 @@ impl Options {
             Condition { derated: true, .. } => "derated: the winding is hot, and the current is limited",
             _ => "normal",
         };
+        let millivolt_seconds = |emf: f64| format!("{emf:.4} mV s/count");
         if self.json {
             let words = json!(SchemeWords(scheme));
             let mut document = json!({
                 "motor": self.motor.number,
                 "emf_mv_s_per_count": emf,
+                "emf_in_force_mv_s_per_count": in_force,
                 "resistance_ohm": ohms,
                 "inductance_mh": millihenries.unwrap_or(0.0),
                 "scheme": words["scheme"],
@@ -168,7 +173,11 @@ impl Options {
         let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
         let mut table = table::new(&["motor", &self.motor.number.to_string()], 2);
         table
-            .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
+            .add_row(["back EMF", &millivolt_seconds(emf)])
+            .add_row([
+                "back EMF in force",
+                &in_force.map_or_else(|| "not reported".to_owned(), millivolt_seconds),
+            ])
             .add_row(["resistance", &format!("{ohms:.3} ohm")])
             .add_row(["inductance", &inductance])
             .add_row(["scheme", &describe(scheme)])

@@ -3,7 +3,7 @@
 use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, signal, wait_for};
 use crate::hub_support::{Hub, Server};
 use motor_hub::supply::DrawStage;
-use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub::units::{CountsPerSecond, EmfConstant, Milliamperes, Millivolts};
 use serde_json::Value;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -52,10 +52,13 @@ fn the_program_sets_and_shows_coefficients() {
 
 #[test]
 fn the_set_up_of_a_motor_is_shown_and_changed() {
-    let server = Server::start(Hub::new());
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].emf_constant = EmfConstant::from_bits(3 << 20).ok();
+    let server = Server::start(hub);
     let set_up = |options: &[&str]| json(&client(&server, &[&["setup", "1", "--json"], options].concat()));
     let before = set_up(&[]);
     assert_eq!((&before["scheme"], &before["duty"]), (&"A".into(), &"linear-current".into()));
+    assert_eq!(before["emf_in_force_mv_s_per_count"], 3.0);
     let after = set_up(&["--type", "AM 40 C", "--scheme", "D", "--blend", "0.5"]);
     assert_eq!((&after["scheme"], &after["blend"]), (&"D".into(), &0.5.into()));
     assert_ne!(after["emf_mv_s_per_count"], before["emf_mv_s_per_count"]);
