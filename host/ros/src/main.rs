@@ -7,7 +7,6 @@
 //! The wire format is that of rmw_zenoh. `docs/guides/ros2.md` explains topics, services, and what stops motors.
 #![forbid(unsafe_code)]
 
-mod cdr;
 mod config;
 mod hub;
 mod messages;

@@ -1,6 +1,28 @@
 //! Encodes and decodes the ROS messages of a hub, and defines their type names and hashes.
+//!
+//! A message is encoded as CDR: a header of 4 bytes, then the fields. Here a message is a tuple of its fields in their
+//! order. An array is an array of fixed length, and a sequence is a vector or a slice.
 
-use crate::cdr::{Reader, Writer};
+use byteorder::LittleEndian;
+use serde::{Deserialize, Serialize};
+
+/// Header of little-endian CDR.
+const HEADER: [u8; 4] = [0, 1, 0, 0];
+
+fn encode(message: &impl Serialize) -> Vec<u8> {
+    let mut bytes = HEADER.to_vec();
+    cdr_encoding::to_writer::<_, LittleEndian, _>(&mut bytes, message)
+        .expect("every sequence has a known length, and writing to memory does not fail");
+    bytes
+}
+
+/// Decodes a message. Returns `None` if the message is malformed, or if more than 3 bytes remain. Some writers add up to
+/// 3 bytes of padding.
+fn decode<'a, T: Deserialize<'a>>(message: &'a [u8]) -> Option<T> {
+    let fields = message.strip_prefix(&HEADER)?;
+    let (value, read) = cdr_encoding::from_bytes::<T, LittleEndian>(fields).ok()?;
+    (fields.len() - read <= 3).then_some(value)
+}
 
 /// A ROS type: its name as DDS spells it, and its hash (REP-2016, version 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,51 +55,37 @@ types! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Stamp(pub(crate) i64);
 
-impl Stamp {
-    fn write(self, writer: &mut Writer) -> &mut Writer {
-        let (seconds, nanoseconds) = (self.0.div_euclid(1_000_000_000), self.0.rem_euclid(1_000_000_000));
-        writer.u32(seconds as u32).u32(nanoseconds as u32)
-    }
+/// Seconds, nanoseconds and frame of a message that is sent.
+fn header(stamp: Stamp, frame: &str) -> (u32, u32, &str) {
+    (stamp.0.div_euclid(1_000_000_000) as u32, stamp.0.rem_euclid(1_000_000_000) as u32, frame)
 }
 
-fn header(stamp: Stamp, frame: &str) -> Writer {
-    let mut writer = Writer::new();
-    stamp.write(&mut writer).text(frame);
-    writer
-}
+/// Header of a message that is read. Its stamp is ignored, because the clocks of two machines differ.
+type ReadHeader = (u32, u32, String);
+
+/// A twist that is read: linear and angular speeds.
+type Twist = [[f64; 3]; 2];
 
 /// Reads the forward speed in m/s and the turning speed in rad/s, positive to the left, of a twist. The other
 /// components are ignored, because a base with two wheels cannot move in these directions.
 pub(crate) fn read_twist(message: &[u8]) -> Option<(f64, f64)> {
-    twist(Reader::new(message)?)
+    forward_and_turning(decode(message)?)
 }
 
-/// Reads a stamped twist as [`read_twist`] does. The stamp is ignored, because the clocks of two machines differ.
+/// Reads a stamped twist as [`read_twist`] does.
 pub(crate) fn read_twist_stamped(message: &[u8]) -> Option<(f64, f64)> {
-    let reader = after_header(message)?;
-    twist(reader)
+    let (_, twist) = decode::<(ReadHeader, Twist)>(message)?;
+    forward_and_turning(twist)
 }
 
-/// Skips the header of a message: its stamp and its frame.
-fn after_header(message: &[u8]) -> Option<Reader<'_>> {
-    let mut reader = Reader::new(message)?;
-    reader.u32()?;
-    reader.u32()?;
-    reader.text()?;
-    Some(reader)
-}
-
-fn twist(mut reader: Reader<'_>) -> Option<(f64, f64)> {
-    let mut values = [0.0; 6];
-    for value in &mut values {
-        *value = reader.f64().filter(|value| value.is_finite())?;
-    }
-    reader.end()?;
-    Some((values[0], values[5]))
+/// Returns `None` if a component is not a finite number.
+fn forward_and_turning(twist: Twist) -> Option<(f64, f64)> {
+    let [[forward, ..], [.., turning]] = twist;
+    twist.as_flattened().iter().all(|value| value.is_finite()).then_some((forward, turning))
 }
 
 /// Commands for joints by name. An array has one value for each name, or is empty.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq, Deserialize)]
 pub(crate) struct JointCommands {
     pub(crate) names: Vec<String>,
     /// Positions in rad.
@@ -90,13 +98,10 @@ pub(crate) struct JointCommands {
 
 /// Reads commands for joints. Returns `None` also if an array has neither one value for each name nor no value.
 pub(crate) fn read_joint_commands(message: &[u8]) -> Option<JointCommands> {
-    let mut reader = after_header(message)?;
-    let names = reader.sequence(5, |reader| Some(reader.text()?.to_owned()))?;
-    let mut array =
-        || reader.sequence(8, Reader::f64).filter(|all| all.is_empty() || all.len() == names.len());
-    let (positions, velocities, efforts) = (array()?, array()?, array()?);
-    reader.end()?;
-    Some(JointCommands { names, positions, velocities, efforts })
+    let (_, commands) = decode::<(ReadHeader, JointCommands)>(message)?;
+    let JointCommands { names, positions, velocities, efforts } = &commands;
+    let fits = |array: &&Vec<f64>| array.is_empty() || array.len() == names.len();
+    [positions, velocities, efforts].iter().all(fits).then_some(commands)
 }
 
 /// Encodes the state of the joints. Empty `efforts` mean that the effort of every joint is unknown.
@@ -107,15 +112,7 @@ pub(crate) fn joint_state(
     velocities: &[f64],
     efforts: &[f64],
 ) -> Vec<u8> {
-    let mut writer = header(stamp, "");
-    writer.count(names.len());
-    for name in names {
-        writer.text(name);
-    }
-    for values in [positions, velocities, efforts] {
-        writer.count(values.len()).f64s(values);
-    }
-    writer.finish()
+    encode(&(header(stamp, ""), names, positions, velocities, efforts))
 }
 
 /// Position and heading of a drive base in its frame `odom`: x and y in m, heading in rad, positive to the left.
@@ -144,46 +141,43 @@ impl Pose {
     }
 }
 
+/// Covariances that are unknown.
+const UNKNOWN: [[f64; 6]; 6] = [[0.0; 6]; 6];
+
 /// Encodes odometry. `twist` is the forward speed in m/s and the turning speed in rad/s.
 pub(crate) fn odometry(stamp: Stamp, frames: [&str; 2], pose: Pose, twist: (f64, f64)) -> Vec<u8> {
-    let unknown = [0.0; 36];
-    let mut writer = header(stamp, frames[0]);
-    writer.text(frames[1]).f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).f64s(&unknown);
-    writer.f64s(&[twist.0, 0.0, 0.0, 0.0, 0.0, twist.1]).f64s(&unknown).finish()
+    let twist = [twist.0, 0.0, 0.0, 0.0, 0.0, twist.1];
+    let header = header(stamp, frames[0]);
+    encode(&(header, frames[1], [pose.x, pose.y, 0.0], pose.quaternion(), UNKNOWN, twist, UNKNOWN))
 }
 
 /// Encodes one transform from the first frame to the second.
 pub(crate) fn transform(stamp: Stamp, frames: [&str; 2], pose: Pose) -> Vec<u8> {
-    let mut writer = Writer::new();
-    writer.count(1);
-    stamp.write(&mut writer).text(frames[0]).text(frames[1]);
-    writer.f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).finish()
+    encode(&vec![(header(stamp, frames[0]), frames[1], [pose.x, pose.y, 0.0], pose.quaternion())])
 }
 
-/// Encodes the heading of an inertial sensor in rad. All other values are unknown. ROS marks an unknown value by the
-/// covariance -1 in its first element.
+/// Encodes the heading of an inertial sensor in rad. Angular velocity and linear acceleration are unknown. ROS marks an
+/// unknown value by the covariance -1 in its first element.
 pub(crate) fn imu(stamp: Stamp, frame: &str, heading: f64) -> Vec<u8> {
     let mut absent = [0.0; 9];
     absent[0] = -1.0;
-    let orientation = Pose { heading, ..Pose::default() }.quaternion();
-    let mut writer = header(stamp, frame);
-    writer.f64s(&orientation).f64s(&[0.0; 9]);
-    // Angular velocity and linear acceleration are unknown.
-    writer.f64s(&[0.0; 3]).f64s(&absent).f64s(&[0.0; 3]).f64s(&absent).finish()
+    let orientation = (Pose { heading, ..Pose::default() }.quaternion(), [0.0; 9]);
+    let unknown = ([0.0; 3], absent);
+    encode(&(header(stamp, frame), orientation, unknown, unknown))
 }
 
 /// Encodes the state of the battery. `amperes` is negative while the battery supplies current. All other values are
 /// unknown.
 pub(crate) fn battery_state(stamp: Stamp, volts: Option<f32>, amperes: f32) -> Vec<u8> {
-    let mut writer = header(stamp, "");
-    writer.f32(volts.unwrap_or(f32::NAN)).f32(f32::NAN).f32(amperes);
-    for _ in ["charge", "capacity", "design capacity", "percentage"] {
-        writer.f32(f32::NAN);
-    }
+    let (volts, present) = (volts.unwrap_or(f32::NAN), volts.is_some());
+    // Charge, capacity, design capacity and percentage.
+    let unknown = [f32::NAN; 4];
     // Status, health and technology are 0, which means unknown.
-    writer.u8(0).u8(0).u8(0).u8(volts.is_some().into());
-    // Voltages and temperatures of cells, location and serial number are empty.
-    writer.count(0).count(0).text("").text("").finish()
+    let state = ([0u8; 3], present);
+    let (voltages_of_cells, temperatures_of_cells): (&[f32], &[f32]) = (&[], &[]);
+    let (location, serial_number) = ("", "");
+    let cells = (voltages_of_cells, temperatures_of_cells);
+    encode(&(header(stamp, ""), [volts, f32::NAN, amperes], unknown, state, cells, location, serial_number))
 }
 
 /// Level of a diagnostic status.
@@ -206,38 +200,26 @@ pub(crate) struct Status {
 }
 
 pub(crate) fn diagnostics(stamp: Stamp, hardware: &str, all: &[Status]) -> Vec<u8> {
-    let mut writer = header(stamp, "");
-    writer.count(all.len());
-    for Status { level, name, message, values } in all {
-        writer.u8(*level as u8).text(name).text(message).text(hardware).count(values.len());
-        for (key, value) in values {
-            writer.text(key).text(value);
-        }
-    }
-    writer.finish()
+    let status = |Status { level, name, message, values }| (level as u8, name, message, hardware, values);
+    encode(&(header(stamp, ""), all.iter().cloned().map(status).collect::<Vec<_>>()))
 }
 
 pub(crate) fn string(text: &str) -> Vec<u8> {
-    Writer::new().text(text).finish()
+    encode(&text)
 }
 
 /// Reads an empty request, which is one byte.
 pub(crate) fn read_trigger(message: &[u8]) -> Option<()> {
-    let mut reader = Reader::new(message)?;
-    reader.u8()?;
-    reader.end()
+    decode::<u8>(message).map(|_| ())
 }
 
 pub(crate) fn read_set_bool(message: &[u8]) -> Option<bool> {
-    let mut reader = Reader::new(message)?;
-    let on = reader.u8().filter(|byte| *byte <= 1)?;
-    reader.end()?;
-    Some(on == 1)
+    decode(message)
 }
 
 /// Encodes the answer of a `Trigger` or a `SetBool` service.
 pub(crate) fn answer(success: bool, message: &str) -> Vec<u8> {
-    Writer::new().u8(success.into()).text(message).finish()
+    encode(&(success, message))
 }
 
 #[cfg(test)]
