@@ -462,7 +462,7 @@ impl Regulator {
             None => self.by_model(demand, context),
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
-                let (gain, start) = (self.plant.b, self.start_voltage(velocity));
+                let (gain, start) = (self.plant.b, self.start_voltage(demand, velocity));
                 let inputs = loops::Inputs { coefficients, position, velocity, gain, start };
                 self.loops.step(demand, &inputs, context)
             }
@@ -530,16 +530,24 @@ impl Regulator {
         output
     }
 
-    /// The voltage with which the velocity loop of PID begins; `None` while the loop continues.
-    fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
+    /// The voltage with which the velocity loop of PID begins; `None` while the loop continues. A load that resists the
+    /// motion is balanced only if the motion shall continue, because friction ends with the motion.
+    fn start_voltage(&self, demand: Demand, velocity: CountsPerSecond) -> Option<Voltage> {
         let emf = self.plant.kappa * velocity.to_f32();
+        let wanted = match demand {
+            Demand::Velocity(target) => target.to_f32(),
+            Demand::Follow(reference) => reference.next.to_f32(),
+            Demand::Position { target, .. } => target.wrapping_sub(self.position()) as f32,
+        };
+        let load = -self.external_acceleration() / self.plant.b;
+        let ends = load * emf > 0.0 && wanted * emf <= 0.0;
         match (self.loops.start, self.volts) {
             (Start::Running, _) => None,
             (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
             (Start::Continue, Some(volts)) => Some(Voltage::from_volts(volts)),
             // The current of this voltage balances the estimated load.
             (Start::Continue | Start::Resume, _) => {
-                Some(Voltage::from_volts(emf - self.external_acceleration() / self.plant.b))
+                Some(Voltage::from_volts(if ends { emf } else { emf + load }))
             }
         }
     }
