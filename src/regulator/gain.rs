@@ -66,6 +66,9 @@ const EXCITATION_S: f32 = 0.3;
 const LEAST_CHANGE: f32 = 0.05;
 /// Largest factor by which the gain changes in a control tick, and the reciprocal of the smallest factor.
 const LARGEST_STEP: f32 = 2.7;
+/// Least gain that samples without a count may teach, as a share of the gain at the last count. A shaft that friction
+/// or a stop holds does not follow the voltage, as a motor without gain would not.
+const LEAST_SILENT_SHARE: f32 = 0.125;
 /// Variance of theta below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
 /// Ratio of the estimated time constant to the initial guess above which a motor is heavy.
@@ -97,6 +100,8 @@ pub(super) struct GainEstimate {
     net_volts: f32,
     /// Mean of `net_volts` with the time constant [`EXCITATION_S`].
     mean_net_volts: f32,
+    /// Gain in use, as a share of the gain at the last count.
+    share_since_count: f32,
 }
 
 impl GainEstimate {
@@ -111,6 +116,7 @@ impl GainEstimate {
             paused_s: 0.0,
             net_volts: 0.0,
             mean_net_volts: 0.0,
+            share_since_count: 1.0,
         }
     }
 
@@ -205,6 +211,9 @@ impl GainEstimate {
         };
         self.trust_counts =
             self.trust_counts.saturating_add(counts_along_voltage).clamp(0, MOST_TRUST_COUNTS);
+        if moved != 0 {
+            self.share_since_count = 1.0;
+        }
         let Correction { error, gains } = *correction;
         let age_s = gains.age_s;
         let s = self.sensitivity.position;
@@ -238,7 +247,7 @@ impl GainEstimate {
             }
         } else if self.settling_s <= 0.0 {
             self.paused_s = 0.0;
-            if excited && learns {
+            if excited && learns && self.share_since_count > LEAST_SILENT_SHARE {
                 let k = self.variance * s / (s * s * self.variance + noise);
                 self.theta += k * innovation;
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);
@@ -262,6 +271,7 @@ impl GainEstimate {
         self.theta = estimated / plant.b - 1.0;
         let factor = at_most(at_least(1.0 + self.theta, 1.0 / LARGEST_STEP), LARGEST_STEP);
         self.refer_to(factor);
+        self.share_since_count *= factor;
         let shift = self.sensitivity.scaled(factor - 1.0);
         self.sensitivity = self.sensitivity.scaled(factor);
         Some((plant.b * factor, shift))

@@ -49,9 +49,6 @@ use swings::Swings;
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
-/// Age of the last edge, in us, from which on a motor that should turn may be blocked by a stop. Samples without a
-/// count then do not update the gain.
-const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
@@ -125,9 +122,9 @@ pub struct Regulator {
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
     predicted_until: Micros,
-    /// Position in counts at which a motor with the demanded speed 0 came to rest; `None` while the motor is not at
-    /// rest, and with any other demand.
-    rest_position: Option<i32>,
+    /// Target position in counts of the last tick. With the demanded speed 0 this is the position at which the motor came
+    /// to rest. `None` while a speed is demanded.
+    position_target: Option<i32>,
     /// Time in ms for which the encoder of a motor that should turn has sent no count.
     stalled_ms: u32,
     /// Speed that the last output should reach; 0 while the bridge is open.
@@ -154,7 +151,7 @@ impl Regulator {
             stream: Stream::default(),
             last: None,
             predicted_until: Micros::new(0),
-            rest_position: None,
+            position_target: None,
             stalled_ms: 0,
             requested: CountsPerSecond::ZERO,
             volts: None,
@@ -251,7 +248,7 @@ impl Regulator {
             // Without regulation the estimated load has come to include the friction of the present motion.
             self.law.set_friction_speed(self.observer.speed());
         }
-        self.rest_position = None;
+        self.position_target = None;
         self.stalled_ms = 0;
         if leaves_stop {
             self.forget_load();
@@ -292,9 +289,7 @@ impl Regulator {
             && let Some(estimate) = &mut self.gain_estimate
         {
             // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
-            let uncertain = self.stalled_ms >= STALLED_MS
-                || should_stand
-                || counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+            let uncertain = self.stalled_ms >= STALLED_MS || should_stand;
             // A load that swings the speed would teach a wrong gain.
             let swings = self.gain_ratio > 1.0;
             let learns = !swings && (moved != 0 || !uncertain);
@@ -456,10 +451,19 @@ impl Regulator {
     // The emulated board's budget test finds this function by its symbol, and counts its instructions.
     #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
+        let last_target = self.position_target;
+        let demands_speed = matches!(demand, Demand::Velocity(_));
         let demand = self.hold_at_standstill(demand, context.period);
+        self.position_target = match demand {
+            Demand::Position { target, .. } => Some(target),
+            Demand::Velocity(_) | Demand::Follow(_) => None,
+        };
         self.observer.set_speed_demanded(matches!(demand, Demand::Velocity(_)));
         let output = match &context.settings.coefficients {
-            None => self.by_model(demand, context),
+            None => {
+                let same_target = demands_speed || self.position_target == last_target;
+                self.by_model(demand, same_target, context)
+            }
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
                 let (gain, start) = (self.plant.b, self.start_voltage(demand, velocity));
@@ -487,25 +491,18 @@ impl Regulator {
         Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
-    /// Computes the output by the motor's model.
-    fn by_model(&mut self, demand: Demand, context: &Context<'_>) -> Output {
+    /// Computes the output by the motor's model. `same_target` is true if a position target is the one of the last
+    /// tick, or the place where a motor with the demanded speed 0 came to rest.
+    fn by_model(&mut self, demand: Demand, same_target: bool, context: &Context<'_>) -> Output {
         let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
-        let mut gain_ratio = 1.0;
+        let period_ms = context.period.as_millis();
+        let is_new;
         let mut output = match demand {
             Demand::Velocity(target) => {
-                let period_ms = context.period.as_millis();
                 let target = self.stream.step(target.to_f32(), self.predicted_until, period_ms);
-                if target.is_old {
-                    gain_ratio = self.gain_ratio;
-                }
-                if self.swings.step(present.speed(), &target, period_ms) && gain_ratio < LARGEST_GAIN_RATIO {
-                    gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
-                    if let Some(estimate) = &mut self.gain_estimate {
-                        estimate.raise(GAIN_STEP);
-                    }
-                }
+                is_new = !target.is_old;
                 let mut output = self.law.velocity(&mut present, &self.plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let correction_volts = self.law.correction_volts(&present, target.demanded);
@@ -515,13 +512,27 @@ impl Regulator {
                 output
             }
             Demand::Follow(reference) => {
+                is_new = true;
                 self.law.follow(&mut present, &self.plant, reference.from(position), &reference, context)
             }
             Demand::Position { target, speed_limit } => {
+                is_new = !same_target;
                 let distance = target.wrapping_sub(position);
                 self.law.position(&mut present, &self.plant, distance, speed_limit, context)
             }
         };
+        let mut gain_ratio = self.gain_ratio;
+        if is_new {
+            self.swings = Swings::default();
+            gain_ratio = 1.0;
+        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16)
+            && gain_ratio < LARGEST_GAIN_RATIO
+        {
+            gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
+            if let Some(estimate) = &mut self.gain_estimate {
+                estimate.raise(GAIN_STEP);
+            }
+        }
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
         self.observer.add_load(present.load() - load);
@@ -554,7 +565,7 @@ impl Regulator {
 
     /// Returns the demand of this tick. The position at which the motor came to rest replaces a demanded speed of 0.
     /// The position of a reference that stands still replaces the reference. Any other demand is unchanged.
-    fn hold_at_standstill(&mut self, demand: Demand, period: Period) -> Demand {
+    fn hold_at_standstill(&self, demand: Demand, period: Period) -> Demand {
         let target = match demand {
             Demand::Velocity(target) => target,
             Demand::Follow(reference) if reference.is_still() => {
@@ -564,15 +575,14 @@ impl Regulator {
             Demand::Follow(_) | Demand::Position { .. } => return demand,
         };
         if target != CountsPerSecond::ZERO {
-            self.rest_position = None;
             return demand;
         }
         let counts = self.velocity().to_f32().abs() * period.as_millis().max(20) as f32 / 1000.0;
-        if self.rest_position.is_none() && counts < 1.0 {
-            self.rest_position = Some(self.position());
-        }
-        match self.rest_position {
+        match self.position_target {
             Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },
+            None if counts < 1.0 => {
+                Demand::Position { target: self.position(), speed_limit: CountsPerSecond::MAX }
+            }
             None => demand,
         }
     }

@@ -15,7 +15,7 @@
 //! A short half swing that follows several short half swings shows that the swing lasts. A longer half swing has another
 //! cause, for example a load or friction, and the count begins again.
 
-use super::stream::Target;
+use super::Demand;
 use crate::units::single::at_least;
 
 /// The detector of one motor.
@@ -24,7 +24,7 @@ pub(super) struct Swings {
     /// Sign of the last error beyond the limit; 0 before the first one.
     side: i8,
     /// Time since the sign has changed, in ms.
-    age_ms: u32,
+    age_ms: u16,
     /// Number of short half swings in a row.
     half_swings: u8,
 }
@@ -33,26 +33,35 @@ pub(super) struct Swings {
 impl Swings {
     /// Least error of the speed that counts as a swing, as a share of the set-point.
     const LEAST_ERROR_SHARE: f32 = 0.008;
-    /// Least error that counts as a swing, in counts/s.
+    /// Least error of a demanded speed that counts as a swing, in counts/s.
     const LEAST_ERROR_CPS: f32 = 0.8;
+    /// Least error of the speed on the way to a position, as a share of the planned speed. With a gain that is raised by
+    /// mistake a motor brakes too late for its position.
+    const LEAST_POSITION_ERROR_SHARE: f32 = 0.1;
+    /// Least error of the speed on the way to a position, or while the motor holds it, in counts/s. A motor that holds its
+    /// position may move by a count, and its speed is then estimated too high.
+    const LEAST_POSITION_ERROR_CPS: f32 = 20.0;
     /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to four ticks is
     /// short too.
-    const SHORT_HALF_SWING_MS: u32 = 150;
+    const SHORT_HALF_SWING_MS: u16 = 150;
     /// Number of short half swings in a row after which each further one shows that the speed swings.
     const MOST_HALF_SWINGS: u8 = 3;
 }
 
 impl Swings {
-    /// Takes a tick of a motor with a demanded speed. `speed` is the estimated speed in counts/s. Returns true at the end
-    /// of a half swing that shows that the speed swings. Another set-point resets the detector.
-    pub(super) fn step(&mut self, speed: f32, target: &Target, period_ms: u32) -> bool {
-        if !target.is_old {
-            *self = Self::default();
-            return false;
-        }
+    /// Takes a tick of a motor whose demand is unchanged since the last tick. `speed` is the estimated speed, and `wanted`
+    /// the speed that the motor should have, both in counts/s. Returns true at the end of a half swing that shows that the
+    /// speed swings.
+    pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> bool {
         self.age_ms = self.age_ms.saturating_add(period_ms);
-        let error = speed - target.demanded;
-        let limit = at_least(Self::LEAST_ERROR_SHARE * target.demanded.abs(), Self::LEAST_ERROR_CPS);
+        let error = speed - wanted;
+        let (share, least) = match demand {
+            Demand::Velocity(_) => (Self::LEAST_ERROR_SHARE, Self::LEAST_ERROR_CPS),
+            Demand::Position { .. } | Demand::Follow(_) => {
+                (Self::LEAST_POSITION_ERROR_SHARE, Self::LEAST_POSITION_ERROR_CPS)
+            }
+        };
+        let limit = at_least(share * wanted.abs(), least);
         let side = if error > 0.0 { 1 } else { -1 };
         if error.abs() <= limit || side == self.side {
             return false;
@@ -67,18 +76,20 @@ impl Swings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::CountsPerSecond;
 
     const SET_POINT: f32 = 1_000.0;
 
     /// Ticks of 50 ms until the detector reports a swing, at most 200; `None` if there is none. The error of the speed in
     /// counts/s is a function of the tick.
-    fn found(error: impl Fn(u32) -> f32, is_old: impl Fn(u32) -> bool) -> Option<u32> {
+    fn found(error: impl Fn(u32) -> f32, demand: Demand) -> Option<u32> {
         let mut swings = Swings::default();
-        (0..200).find(|&tick| {
-            let target = Target { demanded: SET_POINT, end: SET_POINT, change: 0.0, is_old: is_old(tick) };
-            swings.step(SET_POINT + error(tick), &target, 50)
-        })
+        let wanted = if demand == SPEED { SET_POINT } else { 0.0 };
+        (0..200).find(|&tick| swings.step(demand, wanted + error(tick), wanted, 50))
     }
+
+    const SPEED: Demand = Demand::Velocity(CountsPerSecond::new(1_000));
+    const POSITION: Demand = Demand::Position { target: 0, speed_limit: CountsPerSecond::MAX };
 
     /// A speed that is `size` counts/s too high and too low for `ticks` ticks each.
     fn square(size: f32, ticks: u32) -> impl Fn(u32) -> f32 {
@@ -87,21 +98,21 @@ mod tests {
 
     #[test]
     fn a_speed_that_swings_for_some_half_swings_is_found() {
-        assert_eq!(found(square(20.0, 1), |_| true), Some(4));
-        assert_eq!(found(square(20.0, 4), |_| true), Some(16));
+        for demand in [SPEED, POSITION] {
+            assert_eq!(found(square(21.0, 1), demand), Some(4));
+            assert_eq!(found(square(21.0, 4), demand), Some(16));
+        }
     }
 
     #[test]
     fn a_small_or_slow_or_ending_swing_and_a_constant_error_are_not_found() {
-        assert_eq!(found(square(7.0, 1), |_| true), None);
-        assert_eq!(found(square(20.0, 5), |_| true), None);
-        assert_eq!(found(|_| 20.0, |_| true), None);
-        // Each half swing is half as large as the last one.
-        assert_eq!(found(|tick| square(50.0, 1)(tick) / (1 << tick.min(20)) as f32, |_| true), None);
-    }
-
-    #[test]
-    fn a_changed_set_point_begins_the_count_again() {
-        assert_eq!(found(square(20.0, 1), |tick| tick % 4 != 0), None);
+        assert_eq!(found(square(7.0, 1), SPEED), None);
+        assert_eq!(found(square(19.0, 1), POSITION), None);
+        for demand in [SPEED, POSITION] {
+            assert_eq!(found(square(21.0, 5), demand), None);
+            assert_eq!(found(|_| 21.0, demand), None);
+            // Each half swing is half as large as the last one.
+            assert_eq!(found(|tick| square(50.0, 1)(tick) / (1 << tick.min(20)) as f32, demand), None);
+        }
     }
 }
