@@ -37,84 +37,74 @@ fn sources(module: &str) -> Vec<PathBuf> {
     file.exists().then_some(file).into_iter().chain(files(module, "rs")).collect()
 }
 
-/// The lines of a source with their numbers, without comments.
-fn code(path: &Path) -> Vec<(usize, String)> {
+/// The text of a source without comments. It has the same lines.
+fn code(path: &Path) -> String {
     without_comments(&read(path))
 }
 
-/// Removes comments. Joins an import of several lines to one line, with the number of its first line.
-fn without_comments(text: &str) -> Vec<(usize, String)> {
-    let unfinished = |line: &str| {
-        let import = line.trim_start();
-        let import = import.starts_with("use ") || import.starts_with("pub") && import.contains(" use ");
-        import && !line.contains(';')
-    };
-    let mut lines: Vec<(usize, String)> = Vec::new();
-    for (number, line) in (1..).zip(text.lines()) {
-        let line = line.split("//").next().unwrap_or_default();
-        match lines.last_mut() {
-            Some((_, import)) if unfinished(import) => import.push_str(line.trim()),
-            _ => lines.push((number, line.to_owned())),
-        }
-    }
-    lines
+fn without_comments(text: &str) -> String {
+    text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
 
-/// Every line of `modules` in which `wrong` finds something, with what it finds.
-fn findings(modules: &[String], wrong: impl Fn(&str, &str, &Path) -> Option<String>) -> Vec<String> {
+/// Asserts that `wrong` finds nothing in the sources of `modules`. It gets a module, the code and the path of a source. It
+/// returns what is wrong, with the place in the code.
+fn assert_nothing(modules: &[String], wrong: impl Fn(&str, &str, &Path) -> Vec<(usize, String)>) {
     let mut found = Vec::new();
-    for module in modules {
-        for path in sources(module) {
-            let shown = path.strip_prefix(root()).unwrap_or(&path);
-            for (number, line) in code(&path) {
-                if let Some(what) = wrong(module, &line, shown) {
-                    found.push(format!("{}:{number}: {what}: {}", shown.display(), line.trim()));
-                }
-            }
+    for (module, path) in
+        modules.iter().flat_map(|module| sources(module).into_iter().map(move |path| (module, path)))
+    {
+        let (code, shown) = (code(&path), path.strip_prefix(root()).unwrap_or(&path));
+        for (at, what) in wrong(module, &code, shown) {
+            let line = 1 + code[..at].matches('\n').count();
+            found.push(format!("{}:{line}: {what}", shown.display()));
         }
     }
-    found
-}
-
-fn assert_none(found: &[String]) {
     assert!(found.is_empty(), "against the rules of CONTRIBUTING.md:\n{}", found.join("\n"));
 }
 
-/// The first name of every path in `line` that begins with `prefix`, such as `crate::`. For `crate::{a, b::c}` the
-/// names are `a` and `b`.
-fn first_names<'a>(line: &'a str, prefix: &str) -> Vec<&'a str> {
-    let name =
-        |text: &'a str| text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
-    let starts = line.match_indices(prefix).map(|(at, found)| &line[at + found.len()..]);
-    starts
-        .flat_map(|rest| match rest.strip_prefix('{') {
-            Some(group) => {
-                let mut depth = 0;
-                let parts = group.split(move |c| {
-                    depth += i32::from(c == '{') - i32::from(c == '}');
-                    c == ',' && depth == 0
-                });
-                parts.map(|part| name(part.trim_start())).collect()
-            }
-            None => vec![name(rest)],
-        })
-        .collect()
+/// Asserts that no source of `modules` contains one of these words.
+fn assert_without(words: &[&str], modules: &[String]) {
+    assert_nothing(modules, |module, code, _| {
+        let places = words.iter().flat_map(|word| code.match_indices(word));
+        places.map(|(at, word)| (at, format!("{module} may not use {word}.."))).collect()
+    });
+}
+
+/// The first name of every path in `code` that begins with `prefix`, such as `crate::`, with the place of the path. For
+/// `crate::{a, b::c}` the names are `a` and `b`.
+fn first_names<'a>(code: &'a str, prefix: &str) -> Vec<(usize, &'a str)> {
+    let name = |text: &'a str| {
+        text.trim_start().split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default()
+    };
+    let mut names = Vec::new();
+    for (at, _) in code.match_indices(prefix) {
+        let path = code[at + prefix.len()..].split(';').next().unwrap_or_default();
+        let mut depth = 0;
+        let parts = path.trim_start_matches('{').split(|c| {
+            depth += i32::from(c == '{') - i32::from(c == '}');
+            c == ',' && depth == 0
+        });
+        let count = if path.starts_with('{') { usize::MAX } else { 1 };
+        names.extend(parts.take(count).map(|part| (at, name(part))));
+    }
+    names
 }
 
 #[test]
 fn an_import_is_seen_however_it_is_laid_out() {
-    let text = "fn a() {}\npub use crate::{\n    hub::{Hub, motor}, // both\n    board,\n};\nfn b() {}\n";
-    let lines = without_comments(text);
-    let names: Vec<_> = lines.iter().map(|(number, line)| (*number, first_names(line, "crate::"))).collect();
-    assert_eq!(names, [(1, vec![]), (2, vec!["hub", "board", ""]), (6, vec![])]);
+    let code = without_comments(
+        "fn a() {}\npub use crate::{\n    hub::{Hub, motor}, // both\n    board,\n};\nfn b() { crate::c(d, e) }\n",
+    );
+    let names: Vec<_> = first_names(&code, "crate::").into_iter().map(|(_, name)| name).collect();
+    assert_eq!(names, ["hub", "board", "", "c"]);
 }
 
 #[test]
 fn every_module_and_package_has_a_rule_and_every_rule_is_of_one() {
     let rooms: BTreeSet<String> = table(ROOMS).into_keys().collect();
     let modules: BTreeSet<String> = code(Path::new("src/lib.rs"))
-        .iter()
-        .filter_map(|(_, line)| line.trim().strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned))
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned))
         .map(|name| format!("src/{name}"))
         .collect();
     assert_eq!(rooms, modules, "left: rules of CONTRIBUTING.md, right: modules of src/lib.rs");
@@ -130,31 +120,29 @@ fn rooms_of_the_library_import_only_what_they_may() {
     let name = |module: &str| module.trim_start_matches("src/").to_owned();
     let rooms: Vec<String> = rules.keys().cloned().collect();
     let all: BTreeSet<String> = rooms.iter().map(|room| name(room)).collect();
-    assert_none(&findings(&rooms, |room, line, path| {
-        let mut names = first_names(line, "crate::");
+    assert_nothing(&rooms, |room, code, path| {
+        let mut names = first_names(code, "crate::");
         // In the root of a room `super` is the crate.
         if path == Path::new(&format!("{room}.rs")) || path == Path::new(&format!("{room}/mod.rs")) {
-            names.extend(first_names(line, "super::"));
+            names.extend(first_names(code, "super::"));
         }
-        let allowed = |other: &str| other == name(room) || rules[room].contains(other);
-        let wrong = names.into_iter().find(|other| all.contains(*other) && !allowed(other))?;
-        Some(format!("{room} may not import {wrong}"))
-    }));
+        names.retain(|(_, other)| {
+            all.contains(*other) && *other != name(room) && !rules[room].contains(*other)
+        });
+        names.into_iter().map(|(at, other)| (at, format!("{room} may not import {other}"))).collect()
+    });
 }
 
 #[test]
 fn only_the_tasks_know_of_embassy() {
     let rooms: Vec<String> = table(ROOMS).into_keys().filter(|room| room != "src/tasks").collect();
-    assert_none(&findings(&rooms, |room, line, _| {
-        let external = ["embassy_", "embedded_io"].into_iter().find(|name| line.contains(name))?;
-        Some(format!("{room} may not use {external}.."))
-    }));
+    assert_without(&["embassy_", "embedded_io"], &rooms);
 }
 
 #[test]
 fn tests_of_the_library_drive_motors_and_their_physics_on_the_common_bench() {
     let both = |path: &PathBuf| {
-        let code: String = code(path).into_iter().map(|(_, line)| line).collect();
+        let code = code(path);
         let regulated = code.contains("Hub::new(") || code.contains(" Motor::new(");
         regulated && code.contains("Plant::new(")
     };
@@ -166,15 +154,15 @@ fn tests_of_the_library_drive_motors_and_their_physics_on_the_common_bench() {
 
 #[test]
 fn only_programs_print() {
-    // Only host/cli and xtask print to a terminal.
-    let libraries =
-        ["src", "boards/simulated/src", "boards/emulated/src", "host/client/src", "host/chart/src"];
-    let libraries: Vec<String> =
-        libraries.into_iter().chain(["host/studies/src"]).map(str::to_owned).collect();
-    assert_none(&findings(&libraries, |_, line, _| {
-        let prints = ["println!(", "print!(", "dbg!("].into_iter().find(|print| line.contains(print))?;
-        Some(format!("a library does not use {prints}..)"))
-    }));
+    let libraries = [
+        "src",
+        "boards/simulated/src",
+        "boards/emulated/src",
+        "host/client/src",
+        "host/chart/src",
+        "host/studies/src",
+    ];
+    assert_without(&["println!(", "print!(", "dbg!("], &libraries.map(str::to_owned));
 }
 
 /// The dependencies of each package of the workspace, as `cargo metadata` reports them, by the folder of the package.
