@@ -86,11 +86,7 @@ fn a_motor_with_a_constant_current_becomes_no_faster_than_its_limit() {
         let mut bench = bench(motor, 0.02, 0.0, None, 10);
         bench.run_ms(50);
         bench.set(0, current(side * 0.5 * stall_current(&motor), limit));
-        let mut fastest = 0.0f64;
-        for _ in 0..2_000 {
-            bench.run_ms(1);
-            fastest = fastest.max(side * bench.speed(0));
-        }
+        let fastest = bench.highest(2_000, |bench| side * bench.speed(0));
         assert!(fastest < 1.1 * limit, "{fastest} of {limit}");
         assert!((side * bench.speed(0) / limit - 1.0).abs() < 0.02, "{} of {limit}", bench.speed(0));
     }
@@ -216,11 +212,7 @@ fn a_position_behind_a_current_limit_is_reached_without_overshoot() {
             let settings = Settings { current_limit: NonZeroU16::new(limit_ma), ..settings };
             let mut bench = Bench::one(settings, plant(motor, load), period_ms);
             bench.set(0, position(2_000, 5, 2_500));
-            let farthest = (0..6_000).fold(0.0f64, |farthest, _| {
-                bench.run_ms(1);
-                farthest.max(bench.counts(0))
-            });
-            let beyond = farthest - 2_000.5;
+            let beyond = bench.highest(6_000, |bench| bench.counts(0)) - 2_000.5;
             assert!(
                 beyond < most && bench.report().settled,
                 "{period_ms} ms, {limit_ma} mA: {beyond:.0} counts"
@@ -240,10 +232,7 @@ fn pid_behind_a_current_limit_overshoots_no_more_than_without_a_limit() {
             let coefficients = Coefficients { velocity: velocity_loop, position: Pidf::default() };
             bench.configure(0, |settings| settings.coefficients = Some(coefficients));
             bench.set(0, velocity(2_000));
-            (0..3_000).fold(0.0f64, |fastest, _| {
-                bench.run_ms(1);
-                fastest.max(bench.speed(0))
-            })
+            bench.highest(3_000, |bench| bench.speed(0))
         };
         let free = fastest(None);
         for limit_ma in [500, 800, 1_200] {

@@ -72,11 +72,7 @@ fn a_motor_that_held_its_position_holds_where_it_is_when_its_encoder_is_read_aga
         winch.axes[0].unread_ms = 2_000;
         winch.run_ms(2_000);
         assert!(winch.counts(0) > held + 300.0, "{on_fault:?}: {} from {held}", winch.counts(0));
-        let mut lowest = 0.0f64;
-        for _ in 0..3_000 {
-            winch.run_ms(1);
-            lowest = lowest.max(winch.counts(0));
-        }
+        let lowest = winch.highest(3_000, |winch| winch.counts(0));
         let end = winch.counts(0);
         assert!(lowest - end < 50.0, "{on_fault:?}: from {lowest} back to {end} counts");
     }
@@ -211,10 +207,7 @@ fn a_derated_motor_reaches_a_position_without_overshoot() {
     for target in [4_000, 0].into_iter().cycle().take(20) {
         bench.set(0, position(target, 5, 100_000));
         let side = if target > 0 { 1.0 } else { -1.0 };
-        let farthest = (0..5_000).fold(f64::NEG_INFINITY, |farthest, _| {
-            bench.run_ms(1);
-            farthest.max(side * (bench.counts(0) - f64::from(target)))
-        });
+        let farthest = bench.highest(5_000, |bench| side * (bench.counts(0) - f64::from(target)));
         assert!(farthest < 6.0, "{target}: {farthest:.0} counts beyond {:?}", bench.report());
         derated_moves += u32::from(bench.report().derated);
     }

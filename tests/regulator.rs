@@ -148,11 +148,7 @@ fn a_motor_that_is_enabled_at_speed_0_while_it_comes_to_rest_is_not_thrown() {
                 while bench.tick().motors[0].velocity.round() != 0 {}
                 bench.run_ms(wait_ms);
                 bench.set(0, velocity(0));
-                let mut fastest: f64 = 0.0;
-                for _ in 0..3_000 {
-                    bench.run_ms(1);
-                    fastest = fastest.max(bench.speed(0).abs());
-                }
+                let fastest = bench.highest(3_000, |bench| bench.speed(0).abs());
                 if fastest > 15.0 {
                     bad.push(format!("{name} after {wait_ms} ms: {fastest:.0} counts/s"));
                 }
@@ -187,10 +183,7 @@ fn a_motor_with_friction_that_turned_without_regulation_keeps_its_speed_when_reg
             bench.run_ms(2_000);
             let speed = bench.speed(0);
             bench.set(0, velocity(speed.round() as i32));
-            let farthest = (0..1_000).fold(0.0f64, |farthest, _| {
-                bench.run_ms(1);
-                farthest.max((bench.speed(0) - speed).abs())
-            });
+            let farthest = bench.highest(1_000, |bench| (bench.speed(0) - speed).abs());
             if farthest > 0.03 * speed.abs() {
                 bad.push(format!("{period_ms} ms: {farthest:.0} of {speed:.0} counts/s"));
             }
@@ -262,11 +255,7 @@ fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_spee
                 let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
                 bench.set(0, velocity(cps));
                 bench.run_ms(3_000);
-                let mut worst: f64 = 0.0;
-                for _ in 0..1_000 {
-                    bench.run_ms(1);
-                    worst = worst.max((bench.speed(0) - f64::from(cps)).abs());
-                }
+                let worst = bench.highest(1_000, |bench| (bench.speed(0) - f64::from(cps)).abs());
                 let percent = 100.0 * worst / f64::from(cps.abs());
                 if percent > 2.0 {
                     bad.push(format!("{name}, {period_ms} ms, {cps} counts/s: {percent:.1} %"));

@@ -5,7 +5,6 @@ mod common;
 
 use common::{Bench, Cable, configured, inertia, neverest_60, plant, position, unknown, velocity};
 use motor_hub::group::{Course, GroupCommand};
-use motor_hub::hub::Command;
 use motor_hub::motor::{EncoderFault, Setpoint, Settings};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 
@@ -125,9 +124,8 @@ fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_
                     let course = Course::velocities(&[(0, speed), (1, speed)]).expect("members");
                     let acceleration = Acceleration::new(5_000).expect("in range");
                     // A group with this lag does not wait for a member.
-                    let command =
-                        GroupCommand { lag: u16::MAX, ..GroupCommand::new(course, speed, acceleration) };
-                    bench.hub.apply(Command::MoveGroup(command)).expect("members");
+                    let usual = GroupCommand::new(course, speed, acceleration);
+                    bench.move_group(GroupCommand { lag: u16::MAX, ..usual });
                     k += 1;
                 }
                 bench.run_ms(1);
@@ -234,10 +232,7 @@ fn a_speed_after_a_time_at_rest_continues_no_stream() {
             }
             bench.run_ms(5_000);
             bench.set(0, velocity(650));
-            let fastest = (0..1_000).fold(0.0f64, |fastest, _| {
-                bench.run_ms(1);
-                fastest.max(bench.speed(0))
-            });
+            let fastest = bench.highest(1_000, |bench| bench.speed(0));
             assert!(fastest < 1.1 * 650.0, "{period_ms} ms, {history:?}: {fastest:.0} counts/s");
         }
     }

@@ -8,6 +8,7 @@
 
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::group::GroupCommand;
 use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::model::battery::Battery as Source;
 use motor_hub::model::catalogue::{self, Motor};
@@ -234,6 +235,11 @@ impl<const N: usize> Bench<N> {
         self.hub.apply(Command::Set { motor, setpoint }).expect("a motor of the hub");
     }
 
+    /// Moves motors together.
+    pub(crate) fn move_group(&mut self, command: GroupCommand) {
+        self.hub.apply(Command::MoveGroup(command)).expect("motors of the hub");
+    }
+
     /// Changes settings of a motor while it runs.
     pub(crate) fn configure(&mut self, motor: usize, change: impl FnOnce(&mut Settings)) {
         change(&mut self.settings[motor]);
@@ -278,6 +284,14 @@ impl<const N: usize> Bench<N> {
             }
         }
         charges.map(|charge| 1e3 * charge / ms as f64)
+    }
+
+    /// Lets time pass. Returns the highest of the values after each millisecond.
+    pub(crate) fn highest(&mut self, ms: u64, value: impl Fn(&Self) -> f64) -> f64 {
+        (0..ms).fold(f64::NEG_INFINITY, |highest, _| {
+            self.run_ms(1);
+            highest.max(value(self))
+        })
     }
 
     /// Takes a tick that is due now, and lets time pass until the next. Returns the tick's snapshot.

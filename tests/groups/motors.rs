@@ -1,16 +1,15 @@
 //! Motors that move in step, on simulated plants.
 
 use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity};
-use crate::{BASE, WHEEL};
+use crate::{BASE, WHEEL, by, on, to, usual};
 use motor_hub::bridge::Drive;
 use motor_hub::group::{Course, GroupCommand, Halt};
-use motor_hub::hub::Command;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2};
 use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Acceleration, CountsPerSecond, Period};
+use motor_hub::units::{Acceleration, Period};
 use std::num::NonZeroU16;
 
 type Bench<const N: usize> = common::Bench<N>;
@@ -23,10 +22,6 @@ fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads
     let mut bench = Bench::new(settings, plants, period_ms);
     bench.run_ms(100);
     bench
-}
-
-fn command_group<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
-    bench.hub.apply(Command::MoveGroup(together)).expect("members");
 }
 
 /// Runs until the group has arrived. Returns the time in ms.
@@ -73,10 +68,6 @@ fn together(course: Course, mm_s: f64, mm_s2: f64) -> GroupCommand {
     }
 }
 
-fn pair(counts: [i32; 2]) -> Course {
-    Course::distances(&[(0, counts[0]), (1, counts[1])]).expect("two motors")
-}
-
 /// Returns the heading of the base in degrees, from positions in counts with their fractions.
 fn heading(places: [f64; 2]) -> f64 {
     (places[1] - places[0]) * BASE.heading([0, 1_000_000]) / 1e6
@@ -107,8 +98,7 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
         for (dragged, limit) in [(0.0, 0.1), (0.18, 0.5)] {
             let loads = [WHEEL, Load { drag_after: drag(dragged), ..WHEEL }];
             let mut bench = set_up(period, two(), known, loads);
-            let metre = pair(BASE.straight(1000.0).expect("short"));
-            command_group(&mut bench, together(metre, 350.0, 700.0));
+            bench.move_group(together(by(BASE.straight(1000.0).expect("short")), 350.0, 700.0));
             let mut worst = 0.0f64;
             arrive(&mut bench, |bench| worst = worst.max(heading(places(bench)).abs()));
             bench.run_ms(500);
@@ -131,10 +121,10 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     let loads = [WHEEL, Load { drag_after: drag(0.18), ..WHEEL }];
                     let mut bench = set_up(period, two(), known, loads);
                     let GroupCommand { course, speed, acceleration, .. } =
-                        together(pair([1_000; 2]), mm_s, mm_s2);
+                        together(by([1_000; 2]), mm_s, mm_s2);
                     let usual = GroupCommand::new(course, speed, acceleration);
                     let lag = if endless { u16::MAX } else { usual.lag };
-                    command_group(&mut bench, GroupCommand { lag, ..usual });
+                    bench.move_group(GroupCommand { lag, ..usual });
                     while !matches!(bench.snapshot.motors[0].setpoint,
                         Setpoint::Follow(reference) if reference.position == 1_000)
                     {
@@ -154,7 +144,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
     for (known, period) in cases() {
         let mut bench = set_up(period, two(), known, [WHEEL; 2]);
         let targets = BASE.turn(90.0).expect("short");
-        command_group(&mut bench, together(pair(targets), 380.0, 850.0));
+        bench.move_group(together(by(targets), 380.0, 850.0));
         let ms = arrive(&mut bench, |_| ());
         bench.run_ms(1_000);
         let error = heading(places(&bench)) - 90.0;
@@ -172,7 +162,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
 fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
     for (known, period) in cases() {
         let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-        command_group(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
+        bench.move_group(together(by([5_000; 2]), 300.0, 700.0));
         bench.axes[1].stops.1 = 2_000.0;
         bench.run_ms(2_000);
         let mut ahead = 0.0f64;
@@ -207,7 +197,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
 fn a_fault_of_one_member_stops_or_coasts_the_group() {
     for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
         let mut bench = set_up(period, two(), true, [WHEEL; 2]);
-        command_group(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+        bench.move_group(GroupCommand { halt, ..together(by([20_000; 2]), 300.0, 700.0) });
         bench.run_ms(1_500);
         bench.axes[1].cable = Cable::Unplugged;
         bench.run_ms(1_500);
@@ -237,7 +227,7 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
         for (halt, setpoint) in [(Halt::Stop, alone), (Halt::Coast, alone), (Halt::Stop, Setpoint::Disabled)]
         {
             let mut bench = set_up(period, two(), true, [WHEEL; 2]);
-            command_group(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+            bench.move_group(GroupCommand { halt, ..together(by([20_000; 2]), 300.0, 700.0) });
             bench.run_ms(1_500);
             bench.set(1, setpoint);
             bench.run_ms(1_500);
@@ -253,8 +243,7 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
                 // The limit of one count is the resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // The other members still form a group.
-                let course = Course::distances(&[(0, 500)]).expect("a motor");
-                command_group(&mut bench, together(course, 300.0, 700.0));
+                bench.move_group(together(by([500]), 300.0, 700.0));
                 let place = bench.counts(0);
                 arrive(&mut bench, |_| ());
                 assert!((bench.counts(0) - place - 500.0).abs() < 8.0);
@@ -267,30 +256,27 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
 fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
     let three = [motor("AM 60 A"); 3];
     let mut bench = set_up(50, three, true, [WHEEL; 3]);
-    let course = Course::distances(&[(0, 20_000), (1, 20_000), (2, 20_000)]).expect("motors");
-    command_group(&mut bench, GroupCommand { halt: Halt::Coast, ..together(course, 300.0, 700.0) });
+    bench.move_group(GroupCommand { halt: Halt::Coast, ..together(by([20_000; 3]), 300.0, 700.0) });
     bench.run_ms(1_000);
     // An encoder that is not read keeps the new group from starting.
     bench.axes[1].unread_ms = 100;
     bench.run_ms(30);
-    command_group(&mut bench, together(pair([1_000; 2]), 300.0, 700.0));
+    bench.move_group(together(by([1_000; 2]), 300.0, 700.0));
     let setpoints = bench.tick().motors.map(|motor| motor.setpoint);
     assert_eq!(setpoints, [velocity(0), velocity(0), Setpoint::Disabled]);
 }
 
 #[test]
 fn a_motor_that_has_left_a_group_does_not_slow_the_next_course() {
-    let on = [0, 0, 2_000].map(CountsPerSecond::new);
-    let on = Course::velocities(&[(0, on[0]), (1, on[1]), (2, on[2])]).expect("motors");
     let arrival_ms = [true, false].map(|from_three| {
         let mut bench = set_up(50, [motor("AM 60 A"); 3], true, [WHEEL; 3]);
         if from_three {
-            command_group(&mut bench, together(on, 300.0, 330.0));
+            bench.move_group(together(on([0, 0, 2_000]), 300.0, 330.0));
             bench.run_ms(2_000);
         }
         bench.set(2, velocity(2_000));
         bench.run_ms(50);
-        command_group(&mut bench, together(pair([500, 250]), 85.0, 170.0));
+        bench.move_group(together(by([500, 250]), 85.0, 170.0));
         arrive(&mut bench, |_| ())
     });
     assert!(arrival_ms[0].abs_diff(arrival_ms[1]) <= 50, "{arrival_ms:?} ms");
@@ -302,14 +288,6 @@ fn push_away(bench: &mut Bench<2>, torque: f64) {
     bench.axes[1].torque = torque;
     bench.run_ms(1_000);
     bench.axes[1].torque = 0.0;
-}
-
-/// Lets time pass. Returns the lowest and the highest speed of the second motor, in counts/s.
-fn speeds_of_second(bench: &mut Bench<2>, ms: u64) -> (f64, f64) {
-    (0..ms).fold((f64::INFINITY, f64::NEG_INFINITY), |(lowest, highest), _| {
-        bench.run_ms(1);
-        (lowest.min(bench.speed(1)), highest.max(bench.speed(1)))
-    })
 }
 
 #[test]
@@ -325,13 +303,11 @@ fn a_member_that_was_pushed_away_returns_at_the_speed_of_the_course() {
                         Some(Coefficients::guessed(settings.winding.emf, settings.scheme, ms));
                 });
             }
-            let acceleration = Acceleration::new(400).expect("above 0");
-            let course = GroupCommand::new(pair([200; 2]), CountsPerSecond::new(COURSE_CPS), acceleration);
-            command_group(&mut bench, course);
+            bench.move_group(usual(by([200; 2]), COURSE_CPS, 400));
             bench.run_ms(3_000);
             push_away(&mut bench, -1.5);
             bench.run_ms(200);
-            let (_, highest) = speeds_of_second(&mut bench, 16_000);
+            let highest = bench.highest(16_000, |bench| bench.speed(1));
             let what = format!("known {known}, PID {is_pid}, {period} ms");
             // PID overshoots its target speed.
             let most = if is_pid { 1.8 } else { 1.3 } * f64::from(COURSE_CPS);
@@ -339,13 +315,11 @@ fn a_member_that_was_pushed_away_returns_at_the_speed_of_the_course() {
             let error = bench.counts(1) - 200.0;
             assert!(error.abs() < 6.0, "{what}: {error} counts");
             // On its way, the member waits for its reference.
-            let on = CountsPerSecond::new(COURSE_CPS);
-            let on = Course::velocities(&[(0, on), (1, on)]).expect("two motors");
-            command_group(&mut bench, GroupCommand { course: on, ..course });
+            bench.move_group(usual(on([COURSE_CPS; 2]), COURSE_CPS, 400));
             bench.run_ms(1_000);
             push_away(&mut bench, 1.5);
             bench.run_ms(200);
-            let (lowest, _) = speeds_of_second(&mut bench, 4_000);
+            let lowest = -bench.highest(4_000, |bench| -bench.speed(1));
             assert!(lowest > f64::from(COURSE_CPS) - most, "{what}: {lowest} counts/s on the way");
         }
     }
@@ -359,9 +333,7 @@ fn a_heavy_member_that_is_ahead_brakes_to_its_reference() {
     for period in PERIODS {
         let mut bench = Bench::new(motors.map(|motor| configured(&motor, &HEAVY)), plants.clone(), period);
         bench.run_ms(100);
-        let on = [1_500, 50].map(CountsPerSecond::new);
-        let on = Course::velocities(&[(0, on[0]), (1, on[1])]).expect("two motors");
-        command_group(&mut bench, together(on, 0.0, 700.0));
+        bench.move_group(together(on([1_500, 50]), 0.0, 700.0));
         bench.run_ms(3_000);
         push_away(&mut bench, 2.0);
         bench.configure(1, |settings| settings.current_limit = None);
@@ -380,32 +352,27 @@ fn a_heavy_member_that_is_ahead_brakes_to_its_reference() {
 
 #[test]
 fn another_course_in_mid_move_makes_no_step_of_current() {
-    let on = |left: i32, right: i32| {
-        let speeds = [left, right].map(CountsPerSecond::new);
-        Course::velocities(&[(0, speeds[0]), (1, speeds[1])]).expect("two motors")
-    };
-    let to = |left, right| Course::positions(&[(0, left), (1, right)]).expect("two motors");
     let courses = [
-        ("further", pair([6_000, 6_000])),
-        ("a turn", pair([2_000, -2_000])),
-        ("an arc", pair([3_000, 1_000])),
-        ("back", to(0, 0)),
-        ("less", to(1_300, 1_300)),
-        ("on", on(1_000, 1_000)),
-        ("on the spot", on(-800, 800)),
-        ("on backwards", on(-1_500, -1_500)),
-        ("stop", on(0, 0)),
+        ("further", by([6_000, 6_000])),
+        ("a turn", by([2_000, -2_000])),
+        ("an arc", by([3_000, 1_000])),
+        ("back", to([0, 0])),
+        ("less", to([1_300, 1_300])),
+        ("on", on([1_000, 1_000])),
+        ("on the spot", on([-800, 800])),
+        ("on backwards", on([-1_500, -1_500])),
+        ("stop", on([0, 0])),
     ];
     for (known, period) in cases() {
         let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-        let first = together(pair([4_000; 2]), 300.0, 700.0);
-        command_group(&mut bench, first);
+        let first = together(by([4_000; 2]), 300.0, 700.0);
+        bench.move_group(first);
         let ordinary = largest_current_step(&mut bench, 800);
         for (name, course) in courses {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            command_group(&mut bench, first);
+            bench.move_group(first);
             bench.run_ms(1_000);
-            command_group(&mut bench, together(course, 300.0, 700.0));
+            bench.move_group(together(course, 300.0, 700.0));
             let step = largest_current_step(&mut bench, 800);
             let what = format!("{name}, known {known}, {period} ms");
             assert!(step <= 1.2 * ordinary, "{what}: {step} A, at the start {ordinary} A");
@@ -422,11 +389,9 @@ fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
         for (axis, torque) in bench.axes.iter_mut().zip([-0.1, -0.3, -0.2, -0.1]) {
             axis.torque = torque;
         }
-        let level =
-            |counts| Course::positions(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
-        command_group(&mut bench, together(level(100), 100.0, 700.0));
+        bench.move_group(together(to([100; 4]), 100.0, 700.0));
         arrive(&mut bench, |_| ());
-        command_group(&mut bench, together(level(6_000), 150.0, 700.0));
+        bench.move_group(together(to([6_000; 4]), 150.0, 700.0));
         arrive(&mut bench, |_| ());
         let places = places(&bench);
         let level = places.iter().all(|place| (place - 6_000.0).abs() < 6.0);
@@ -441,7 +406,7 @@ fn the_slowest_sets_the_pace() {
         let motors = ["AM 60 A", "AM 40 B"].map(motor);
         let mut bench = set_up(period, motors, known, [WHEEL; 2]);
         bench.axes[1].torque = -0.1;
-        command_group(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
+        bench.move_group(together(by([2_000; 2]), 250.0, 700.0));
         let mut apart = 0.0f64;
         arrive(&mut bench, |bench| {
             let [quick, slow] = places(bench);
@@ -459,10 +424,7 @@ fn a_course_that_waits_for_an_encoder_stops_its_members() {
     bench.run_ms(1_000);
     bench.axes[1].unread_ms = u64::MAX;
     bench.run_ms(200);
-    let course =
-        Course::velocities(&[(0, CountsPerSecond::ZERO), (1, CountsPerSecond::ZERO)]).expect("2 motors");
-    let acceleration = Acceleration::new(4_000).expect("above 0");
-    command_group(&mut bench, GroupCommand::new(course, CountsPerSecond::new(1_000), acceleration));
+    bench.move_group(usual(on([0, 0]), 1_000, 4_000));
     bench.run_ms(1_000);
     assert!(bench.speed(0).abs() < 5.0, "{:.0} counts/s", bench.speed(0));
 }

@@ -1,5 +1,6 @@
 //! References of a group's members, without motors.
 
+use crate::{by as distances, numbered, on, to};
 use motor_hub::group::{Course, DriveBase, Group, GroupCommand, Halt, MOTORS};
 use motor_hub::regulator::Reference;
 use motor_hub::units::{Acceleration, CountsPerSecond, Period, RangeError};
@@ -14,10 +15,6 @@ fn together(course: Course, speed: i32, acceleration: u32) -> GroupCommand {
         tolerance: 0,
         halt: Halt::Stop,
     }
-}
-
-fn numbered<T: Copy>(values: &[T]) -> Vec<(usize, T)> {
-    values.iter().copied().enumerate().collect()
 }
 
 fn period(ms: u32) -> Period {
@@ -59,12 +56,7 @@ fn counts(most: i32) -> impl Strategy<Value = [i32; 4]> {
 }
 
 fn course() -> impl Strategy<Value = Course> {
-    prop_oneof![
-        counts(20_000).prop_map(|by| Course::distances(&numbered(&by)).expect("four")),
-        counts(20_000).prop_map(|to| Course::positions(&numbered(&to)).expect("four")),
-        counts(3_000)
-            .prop_map(|on| Course::velocities(&numbered(&on.map(CountsPerSecond::new))).expect("four")),
-    ]
+    prop_oneof![counts(20_000).prop_map(distances), counts(20_000).prop_map(to), counts(3_000).prop_map(on),]
 }
 
 proptest! {
@@ -78,8 +70,7 @@ proptest! {
         acceleration in 100..10_000_000u32,
         ms in 1..=100u32,
     ) {
-        let course = Course::distances(&numbered(&by)).expect("four");
-        let mut motors = Perfect::new(together(course, speed, acceleration), start, ms);
+        let mut motors = Perfect::new(together(distances(by), speed, acceleration), start, ms);
         let longest = by.iter().map(|by| f64::from(by.abs())).fold(1.0, f64::max);
         for _ in 0..500 {
             motors.step();
@@ -99,8 +90,7 @@ proptest! {
         acceleration in 1_000..50_000u32,
         ms in 1..=100u32,
     ) {
-        let course = Course::distances(&numbered(&by)).expect("four");
-        let mut motors = Perfect::new(together(course, speed, acceleration), start, ms);
+        let mut motors = Perfect::new(together(distances(by), speed, acceleration), start, ms);
         let longest = by.iter().map(|by| f64::from(by.abs())).fold(0.0, f64::max);
         let (speed, acceleration) = (f64::from(speed), f64::from(acceleration));
         let seconds = longest / speed + 2.0 * speed / acceleration + 0.5;
@@ -149,7 +139,7 @@ proptest! {
 #[test]
 fn a_course_without_an_end_adds_nothing_up() {
     let rates = [1_000_000, 333_333, -7, 65_537].map(CountsPerSecond::from_bits);
-    let course = Course::velocities(&numbered(&rates)).expect("four");
+    let course = Course::velocities(&numbered(rates)).expect("four");
     let mut motors = Perfect::new(together(course, 0, 4_000_000), [i32::MAX; 4], 100);
     for _ in 0..3_000_000 {
         motors.step();
@@ -167,8 +157,7 @@ fn a_course_without_an_end_adds_nothing_up() {
 fn a_member_that_lags_slows_and_stops_the_group() {
     for (lag, pace) in [(0, 1.0), (50, 1.0), (75, 0.5), (100, 0.0), (1_000, 0.0)] {
         for sign in [1, -1] {
-            let on = [sign * 1_000, sign * 500].map(CountsPerSecond::new);
-            let course = Course::velocities(&numbered(&on)).expect("two");
+            let course = on([sign * 1_000, sign * 500]);
             let together = GroupCommand { lag: 100, ..together(course, 0, 1_000_000) };
             let mut motors = Perfect::new(together, [0; 2], 10);
             for _ in 0..10 {
@@ -189,9 +178,7 @@ fn a_member_that_lags_slows_and_stops_the_group() {
 
 #[test]
 fn a_motor_that_has_left_does_not_prolong_the_stop_of_the_others() {
-    let on = [200, 100, 4_000].map(CountsPerSecond::new);
-    let course = Course::velocities(&numbered(&on)).expect("three");
-    let mut motors = Perfect::new(together(course, 0, 2_000), [0; 3], 10);
+    let mut motors = Perfect::new(together(on([200, 100, 4_000]), 0, 2_000), [0; 3], 10);
     for _ in 0..300 {
         motors.step();
     }
