@@ -4,19 +4,13 @@ mod common;
 
 use common::{BATTERY, BRIDGE, Bench, configured, free_cps, inertia, plant, position, unknown, velocity};
 use motor_hub::braking::Scheme;
-use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::hub::{Command, Hub};
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, Motor};
-use motor_hub::model::plant::PlantInput;
-use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
-use motor_hub::motion::{Pidf, Reading};
+use motor_hub::model::si::Volts;
+use motor_hub::motion::Pidf;
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::Coefficients;
-use motor_hub::supply::{Battery, Limits, Supply};
-use motor_hub::units::{
-    Coefficient, Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Share,
-};
-use std::f64::consts::TAU;
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Share};
 use std::num::NonZeroU16;
 
 /// A motor with a flywheel of this inertia in kg m², which turns at a share of the free speed.
@@ -126,77 +120,51 @@ fn a_motor_that_must_brake_brakes_with_its_current_limit_in_every_scheme() {
     }
 }
 
+/// A motor whose speed does not change, on a supply of 15 V that cannot take the energy of braking motors.
+fn dissipating(emf_volts: f64, limit_ma: Option<u16>, period_ms: u32) -> Bench<1> {
+    let mut bench = bench(neverest_60(), HEAVY, emf_volts / BATTERY, limit_ma, period_ms);
+    bench.rig.battery.emf = Volts(15.0);
+    bench.supply = (Share::ALL, Share::ALL);
+    bench
+}
+
 #[test]
 fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
-    let motor = neverest_60();
-    for cps in [1_000, 2_500] {
-        let settings = Settings { current_limit: NonZeroU16::new(800), ..unknown(&motor) };
-        let mut hub = Hub::new([settings], Period::from_millis(10).expect("in range"));
-        let braking = current(-0.4, 2.0 * free_cps(&motor));
-        hub.apply(Command::Set { motor: 0, setpoint: braking }).expect("a motor of the hub");
-        // The speed does not change, and the supply cannot take the energy.
-        let mut plant = plant(motor, inertia(HEAVY));
-        plant.set_state(Amps(0.0), RadPerSec(f64::from(cps) * TAU / motor.counts_per_rev_motor), 0.0);
-        let mut supply = Supply::new(Limits::default());
-        let (mut drive, mut pulses, mut charge) = (Drive::COAST, 0, 0.0);
-        for ms in 1..=2_000 {
-            let now = Micros::new(1_000 * ms);
-            let reading = Some(Reading { position: plant.counts() as i32, edge_at: now, at: now });
-            hub.sample(&[reading]);
-            let battery = supply.step(Some(Millivolts::new(15_000)), now);
-            let before = drive;
-            if ms % 10 == 0 {
-                drive = hub.step(now, &[reading], battery).motors[0].drive;
-            } else if let Some([changed]) = battery.and_then(|battery| hub.apply_limits(battery)) {
-                drive = changed;
-            }
-            pulses += u32::from(drive != before);
-            let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
-            let amperes = 1e3 * plant.run(Seconds(1e-3), influence, Volts(15.0)).charge.0;
-            assert!(amperes.abs() < 0.9 || ms <= 1_000, "{cps} counts/s, {ms} ms: {amperes} A, {drive:?}");
-            charge += if ms > 1_000 { 1e-3 * amperes } else { 0.0 };
+    for emf_volts in [4.0, 10.0] {
+        let mut bench = dissipating(emf_volts, Some(800), 10);
+        bench.set(0, current(-0.4, 2.0 * free_cps(&neverest_60())));
+        bench.run_ms(1_000);
+        let (mut pulses, mut charge) = (0, 0.0);
+        for _ in 0..1_000 {
+            let before = bench.report().drive;
+            let [amperes] = bench.run_ms(1);
+            assert!(amperes.abs() < 0.9, "{emf_volts} V: {amperes} A, {:?}", bench.report());
+            pulses += u32::from(bench.report().drive != before);
+            charge += 1e-3 * amperes;
         }
-        assert!(pulses > 100 && (charge + 0.4).abs() < 0.05, "{cps} counts/s: {pulses} pulses, {charge} A");
+        assert!(pulses > 50 && (charge + 0.4).abs() < 0.05, "{emf_volts} V: {pulses} pulses, {charge} A");
     }
 }
 
 #[test]
 fn a_motor_that_must_stay_in_its_short_circuit_reports_the_current_of_the_short_circuit() {
-    let motor = neverest_60();
-    let short_amperes = -10.0 / BATTERY * stall_current(&motor);
     for period_ms in [1, 10, 50] {
-        let mut hub = Hub::new([unknown(&motor)], Period::from_millis(period_ms).expect("in range"));
-        let braking = current(-0.6, 2.0 * free_cps(&motor));
-        hub.apply(Command::Set { motor: 0, setpoint: braking }).expect("a motor of the hub");
-        // The back EMF is always 10 V, and the supply cannot take the energy. In the second second the supply permits no
-        // driving.
-        let mut plant = plant(motor, inertia(HEAVY));
-        plant.set_state(Amps(0.0), RadPerSec(10.0 / motor.ke.0), 0.0);
-        let (mut drive, mut reported, mut charge) = (Drive::COAST, 0.0, 0.0);
-        for ms in 1..=2_000 {
-            let now = Micros::new(1_000 * ms);
-            let reading = Some(Reading { position: plant.counts() as i32, edge_at: now, at: now });
-            hub.sample(&[reading]);
-            let draw = if ms <= 1_000 { Share::ALL } else { Share::NONE };
-            let unlimited = Battery::unlimited(Millivolts::new(15_000), now);
-            let battery = Battery { draw, dissipate: Share::ALL, ..unlimited };
-            if ms.is_multiple_of(period_ms.into()) {
-                let [report] = hub.step(now, &[reading], Some(battery)).motors;
-                (drive, reported) = (report.drive, f64::from(report.current.to_amperes()));
-            } else if let Some([changed]) = hub.apply_limits(battery) {
-                drive = changed;
+        let motor = neverest_60();
+        let mut bench = dissipating(10.0, None, period_ms);
+        bench.set(0, current(-0.6, 2.0 * free_cps(&motor)));
+        // In the second second the supply permits no driving.
+        for (draw, expected) in [(Share::ALL, -0.6), (Share::NONE, -10.0 / BATTERY * stall_current(&motor))] {
+            bench.supply.0 = draw;
+            bench.run_ms(500);
+            let mut charge = 0.0;
+            for _ in 0..500 {
+                let [amperes] = bench.run_ms(1);
+                charge += 1e-3 * amperes;
+                let reported = f64::from(bench.report().current.to_amperes());
+                assert!((reported - expected).abs() < 0.05, "{period_ms} ms: {reported} A reported");
             }
-            let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
-            charge += plant.run(Seconds(1e-3), influence, Volts(15.0)).charge.0;
-            let expected = if ms <= 1_000 { -0.6 } else { short_amperes };
-            if ms % 1_000 == 500 {
-                charge = 0.0;
-            } else if ms % 1_000 == 0 {
-                let mean = charge / 0.5;
-                assert!((mean - expected).abs() < 0.05, "{period_ms} ms, {ms}: {mean} A");
-            } else if ms % 1_000 > 500 {
-                assert!((reported - expected).abs() < 0.05, "{period_ms} ms, {ms}: {reported} A reported");
-            }
+            let mean = charge / 0.5;
+            assert!((mean - expected).abs() < 0.05, "{period_ms} ms: {mean} A");
         }
     }
 }

@@ -22,7 +22,7 @@ use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Mechanics};
 use motor_hub::supply::Battery;
 use motor_hub::units::{
-    Control, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance,
+    Control, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance, Share,
 };
 use std::f64::consts::TAU;
 
@@ -182,6 +182,8 @@ pub(crate) struct Bench<const N: usize> {
     pub(crate) axes: [Axis; N],
     /// True if the hub measures the battery's voltage.
     pub(crate) battery_read: bool,
+    /// Shares of the energy that the supply can give, and of the returned energy that motors must dissipate.
+    pub(crate) supply: (Share, Share),
     /// Time since the start.
     pub(crate) ms: u64,
     /// The newest snapshot.
@@ -204,6 +206,7 @@ impl<const N: usize> Bench<N> {
             rig: Rig::new(source, plants.into()),
             axes: std::array::from_fn(|_| Axis::new()),
             battery_read: true,
+            supply: (Share::ALL, Share::NONE),
             ms: 0,
             snapshot: Snapshot::INITIAL,
         };
@@ -275,6 +278,8 @@ impl<const N: usize> Bench<N> {
         for _ in 0..ms {
             if self.ms.is_multiple_of(self.hub.period().as_millis().into()) {
                 self.step_hub();
+            } else {
+                self.apply_limits();
             }
             self.step_physics();
             self.ms += 1;
@@ -304,12 +309,23 @@ impl<const N: usize> Bench<N> {
         Micros::new(1_000 * self.ms)
     }
 
+    fn battery(&self) -> Option<Battery> {
+        let voltage = Millivolts::from_volts(self.rig.voltage().0).ok().filter(|_| self.battery_read)?;
+        let (draw, dissipate) = self.supply;
+        Some(Battery { draw, dissipate, ..Battery::unlimited(voltage, self.now()) })
+    }
+
     fn step_hub(&mut self) {
-        let now = self.now();
-        let voltage = Millivolts::from_volts(self.rig.voltage().0).ok().filter(|_| self.battery_read);
-        let battery = voltage.map(|voltage| Battery::unlimited(voltage, now));
         let readings = self.axes.each_ref().map(|axis| axis.reading);
-        self.snapshot = self.hub.step(now, &readings, battery);
+        self.snapshot = self.hub.step(self.now(), &readings, self.battery());
+    }
+
+    /// Limits the motors by the state of the supply, as the hub does every millisecond between two ticks.
+    fn apply_limits(&mut self) {
+        let drives = self.battery().and_then(|battery| self.hub.apply_limits(battery));
+        for (report, drive) in self.snapshot.motors.iter_mut().zip(drives.into_iter().flatten()) {
+            report.drive = drive;
+        }
     }
 
     fn step_physics(&mut self) {
