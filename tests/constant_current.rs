@@ -68,7 +68,6 @@ fn every_motor_has_the_current_of_its_set_point_in_all_regimes_and_at_every_spee
             }
         }
     }
-    println!("largest error {:.2} % of the stall current: {}", 100.0 * worst.0, worst.1);
     assert!(worst.0 < 0.025, "{}", worst.1);
 }
 

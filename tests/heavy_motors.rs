@@ -1,7 +1,6 @@
 //! The encoder check takes a heavy motor that was not configured neither for unplugged nor for reversed, and still
 //! finds an encoder that becomes reversed.
 
-#[path = "common/mod.rs"]
 mod common;
 
 use common::{Bench, Cable, free_cps, inertia, motor, plant, unknown, velocity};

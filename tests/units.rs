@@ -4,7 +4,7 @@ use motor_hub::braking::Winding;
 use motor_hub::model::catalogue;
 use motor_hub::units::{
     Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Inductance, Micros, Millivolts, Period,
-    RangeError, Resistance, Voltage, constant,
+    RangeError, Resistance, Voltage,
 };
 
 #[test]
@@ -153,12 +153,6 @@ fn ke_of_every_motor_in_the_catalogue_is_its_ke_fw_to_the_nearest_step() {
         let error = f64::from(constant.to_bits()) - motor.ke_fw() * f64::from(1 << 20);
         assert!(error.abs() <= 0.5 + 1e-6, "{}: off by {error} steps", motor.name);
     }
-}
-
-#[test]
-fn ke_of_a_neverest_60_is_known_to_the_bit_while_it_is_compiled() {
-    const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0));
-    assert_eq!(NEVEREST_60.to_bits(), 4_180_495);
 }
 
 #[test]

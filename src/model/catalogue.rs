@@ -313,16 +313,6 @@ mod tests {
     }
 
     #[test]
-    fn at_free_speed_motor_torque_equals_viscous_drag() {
-        let motor = find("AM 60 A").and_then(|e| e.motor).unwrap();
-        let w = motor.free_speed(Volts(12.0)).0;
-        let current = (12.0 - motor.ke.0 * w) / motor.r.0;
-        assert!((motor.kt.0 * current - motor.b.0 * w).abs() < 1e-9);
-        // The data file has the free speed in a column of its own.
-        assert!((w - 610.423_778_15).abs() < 1e-4, "{w}");
-    }
-
-    #[test]
     fn every_row_has_the_free_speed_and_the_stall_values_of_its_constants() {
         let (headings, rows) = headings_and_rows();
         for row in rows {

@@ -133,14 +133,6 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_turn_takes_no_work() {
-        let per_step = core::f64::consts::TAU / 1000.0;
-        let work: f64 = (0..1000).map(|n| COGGING.torque(f64::from(n) * per_step).0 * per_step).sum();
-        assert!(work.abs() < 1e-16, "{work}");
-        assert!(COGGING.mean_torque(0.1, core::f64::consts::TAU).abs() < 1e-17);
-    }
-
-    #[test]
     fn cogging_is_periodic_and_stable_at_angle_0() {
         let tooth = core::f64::consts::TAU / 10.0;
         for angle in [0.0, 0.05, 0.2, -0.31] {
