@@ -194,18 +194,6 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
 }
 
 #[test]
-fn the_speed_of_each_i2c_bus_is_read_back_as_it_was_set() {
-    let mut host = TestHost::settled();
-    let speeds = |host: &mut TestHost| [0, 1, 2, 3].map(|bus| host.call(47, &[bus]));
-    let slow = || Answer::Data(vec![0]);
-    assert_eq!(speeds(&mut host), [slow(), slow(), slow(), slow()]);
-    host.do_all(&[(43, &[2, 1])]);
-    assert_eq!(speeds(&mut host), [slow(), slow(), Answer::Data(vec![1]), slow()]);
-    host.do_all(&[(43, &[2, 0])]);
-    assert_eq!(host.call(47, &[2]), slow());
-}
-
-#[test]
 fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     let mut host = host();
     let current = |ma| Milliamperes::new(ma);
@@ -341,41 +329,27 @@ fn an_unknown_command_is_refused_as_unknown() {
 
 #[test]
 fn each_motors_values_read_back_as_they_were_set() {
-    let mut host = TestHost::settled();
-    for motor in 0..N as u8 {
-        host.do_all(&[
-            (8, &[motor, motor % 3, motor % 2]),
-            (12, &[motor, 1, motor]),
-            (15, &[motor, 2, motor]),
-            (17, &[motor, 3, 0x80 + motor]),
-            (19, &[motor, 4, 0, 0, 0xF0 + motor, 5, motor]),
-        ]);
-    }
-    for motor in 0..N as u8 {
-        let replies = [9, 13, 16, 18, 20].map(|function| host.call(function, &[motor]));
-        let expected = [
-            vec![motor % 3, motor % 2],
-            vec![1, motor],
-            vec![2, motor],
-            vec![3, 0x80 + motor],
-            vec![4, 0, 0, 0xF0 + motor, 5, motor],
-        ];
-        assert_eq!(replies, expected.map(Answer::Data));
-    }
-}
-
-#[test]
-fn coefficients_are_kept_by_motor_and_by_mode() {
-    let mut host = TestHost::settled();
-    let payload = |motor: u8, of: u8| {
-        let coefficients = [1, 2, 3, 4].map(|n| [n, motor, of, 0x7F]).concat();
-        [vec![motor, of], coefficients, vec![of % 2]].concat()
+    // Request that sets a value, request that reads the value, the first bytes of both, and the value. Coefficients are
+    // kept by motor and by mode.
+    let values = |motor: u8| {
+        let coefficients =
+            |of: u8| [&[1, 2, 3, 4].map(|n| [n, motor, of, 0x7F]).concat()[..], &[of % 2]].concat();
+        [
+            (8, 9, vec![motor], vec![motor % 3, motor % 2]),
+            (12, 13, vec![motor], vec![1, motor]),
+            (15, 16, vec![motor], vec![2, motor]),
+            (17, 18, vec![motor], vec![3, 0x80 + motor]),
+            (19, 20, vec![motor], vec![4, 0, 0, 0xF0 + motor, 5, motor]),
+            (51, 53, vec![motor, 1], coefficients(1)),
+            (51, 53, vec![motor, 2], coefficients(2)),
+        ]
     };
-    for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
-        assert_eq!(host.call(51, &payload(motor, of)), Answer::Ack(0));
+    let mut host = TestHost::settled();
+    for (set, _, of, value) in (0..N as u8).flat_map(values) {
+        host.do_all(&[(set, &[of, value].concat())]);
     }
-    for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
-        assert_eq!(host.call(53, &[motor, of]), Answer::Data(payload(motor, of)[2..].to_vec()));
+    for (_, get, of, value) in (0..N as u8).flat_map(values) {
+        assert_eq!(host.call(get, &of), Answer::Data(value), "{get} {of:?}");
     }
 }
 
@@ -390,13 +364,6 @@ fn coefficients_without_feed_forward_read_back_as_legacy() {
     assert_eq!(host.call(24, &[0, 1]), Answer::Data(pid.to_vec()));
     assert_eq!(host.call(53, &[0, 1]), Answer::Data([&pid[..], &[0; 5]].concat()));
     assert_eq!(host.call(53, &[0, 2]).data()[16], 1, "the other mode keeps its terms");
-}
-
-#[test]
-fn the_lowest_power_is_the_negative_of_the_highest() {
-    let mut host = TestHost::settled();
-    host.do_all(&[(15, &[0, 0, 0x80])]);
-    assert_eq!(host.call(16, &[0]), Answer::Data(vec![1, 0x80]));
 }
 
 #[test]
