@@ -320,11 +320,7 @@ fn open_loop_power_resets_the_encoder_check() {
     bench.run_ms(10);
     assert_eq!(ticks_to_probe(&mut bench), ticks, "earlier evidence is left");
 
-    let mut bench = set_up(10);
-    bench.axes[0].stops = STOPS;
-    bench.set(0, velocity(1_500));
-    bench.run_ms(5_000);
-    assert!(bench.report().stalled);
+    let mut bench = stalled(unknown(&neverest_60()), 10);
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     bench.run_ms(10);
     assert!(!bench.report().stalled);

@@ -250,6 +250,18 @@ fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
     (before, after, all)
 }
 
+/// Asserts that each entry of an earlier run is one of these, with all of its ticks or without ticks.
+fn assert_known(record: &Record<'_>, known: &[(Head, Vec<Tick>)], what: &str) {
+    for head in record.heads().filter(|head| head.fault != Fault::BrownOut) {
+        let (_, ticks) = known
+            .iter()
+            .find(|(other, _)| Head { ticks: head.ticks, ..*other } == head)
+            .unwrap_or_else(|| panic!("{what}: {head:?}"));
+        let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
+        assert!(kept.is_none_or(|kept| kept == *ticks), "{what}: {head:?}");
+    }
+}
+
 #[test]
 fn an_entry_whose_writing_a_reset_interrupted_is_ignored() {
     let (before, after, all) = before_and_after();
@@ -263,18 +275,12 @@ fn an_entry_whose_writing_a_reset_interrupted_is_ignored() {
             memory[place] = after[place];
         }
         let (record, _) = Record::open(&mut memory, Fault::BrownOut);
-        for head in record.heads() {
-            let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
-            if head.fault == Fault::BrownOut {
-                let steps = kept.iter().flat_map(|kept| kept.windows(2));
-                let even =
-                    steps.map(|pair| pair[1].position.wrapping_sub(pair[0].position)).all(|step| step == 50);
-                assert!(even, "cut at {cut}: {kept:?}");
-            } else {
-                let known = all.iter().find(|(other, _)| Head { ticks: head.ticks, ..*other } == head);
-                let (_, ticks) = known.unwrap_or_else(|| panic!("cut at {cut}: {head:?}"));
-                assert!(kept.is_none_or(|kept| kept == *ticks), "cut at {cut}: {head:?}");
-            }
+        assert_known(&record, &all, &format!("cut at {cut}"));
+        for head in record.heads().filter(|head| head.fault == Fault::BrownOut) {
+            let positions: Vec<u16> =
+                record.ticks(head.number).into_iter().flatten().map(|tick| tick.position).collect();
+            let even = positions.windows(2).all(|pair| pair[1].wrapping_sub(pair[0]) == 50);
+            assert!(even, "cut at {cut}: {positions:?}");
         }
     }
 }
@@ -286,14 +292,7 @@ fn a_flipped_bit_removes_an_entry_or_its_ticks_and_adds_none() {
         let mut flipped = memory;
         flipped[bit / 8] ^= 1 << (bit % 8);
         let (record, _) = Record::open(&mut flipped, Fault::BrownOut);
-        for head in record.heads().filter(|head| head.fault != Fault::BrownOut) {
-            let (_, ticks) = sound
-                .iter()
-                .find(|(other, _)| Head { ticks: head.ticks, ..*other } == head)
-                .unwrap_or_else(|| panic!("bit {bit}: {head:?}"));
-            let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
-            assert!(kept.is_none_or(|kept| kept == *ticks), "bit {bit}: {head:?}");
-        }
+        assert_known(&record, &sound, &format!("bit {bit}"));
     }
 }
 
