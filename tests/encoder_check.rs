@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    Bench, Cable, NO_STOPS, ScriptedMotor, configured, inertia, neverest_60, plant, position, unknown,
-    velocity,
+    Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, inertia, neverest_60, plant,
+    position, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
@@ -22,9 +22,8 @@ const INERTIA: f64 = 0.05;
 /// Positions in counts of a stop on either side of the start: some 32 turns of the motor shaft.
 const STOPS: (f64, f64) = (-890.0, 890.0);
 
-/// Settings of a motor whose dynamics are not configured, and of the same motor with configured dynamics.
 fn settings() -> [Settings; 2] {
-    [unknown(&neverest_60()), configured(&neverest_60(), &inertia(INERTIA))]
+    configured_and_unknown(&neverest_60(), &inertia(INERTIA))
 }
 
 /// Sets up a motor whose dynamics are not configured.
@@ -279,16 +278,6 @@ fn reversals_standstill_creep_and_positions_raise_no_fault_and_no_stall() {
             }
         }
     }
-}
-
-#[test]
-fn open_loop_power_needs_no_encoder() {
-    let mut bench = set_up(50);
-    bench.axes[0].cable = Cable::Unplugged;
-    bench.set(0, Setpoint::ConstantPower(Control::MAX));
-    bench.run_ms(3_000);
-    assert_eq!(fault(&bench), None);
-    assert_eq!(bench.report().drive.mode, Mode::Cw98);
 }
 
 #[test]

@@ -120,14 +120,6 @@ fn no_motor_brakes_on_a_bus_that_is_the_fault() {
 }
 
 #[test]
-fn disabling_ends_the_braking() {
-    let mut winch = unplugged(OnFault::Brake);
-    winch.set(0, Setpoint::Disabled);
-    let [report] = winch.tick().motors;
-    assert_eq!((report.drive, report.faults.encoder), (Drive::COAST, None));
-}
-
-#[test]
 fn a_motor_that_needs_no_encoder_is_not_braked_for_want_of_one() {
     for (setpoint, braked) in [
         (Setpoint::ConstantPower(Control::MAX), false),

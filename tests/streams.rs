@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::{Bench, Cable, configured, inertia, neverest_60, plant, position, unknown, velocity};
+use common::{
+    Bench, Cable, configured, configured_and_unknown, inertia, neverest_60, plant, position, velocity,
+};
 use motor_hub::group::{Course, GroupCommand};
 use motor_hub::motor::{EncoderFault, Setpoint, Settings};
 use motor_hub::units::{Acceleration, CountsPerSecond};
@@ -64,7 +66,7 @@ fn time_to_fault(
 #[test]
 fn an_encoder_unplugged_under_a_stream_of_set_points_is_at_fault_within_300_ms() {
     let motor = neverest_60();
-    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+    for settings in configured_and_unknown(&motor, &inertia(LOAD)) {
         for (name, stream) in STREAMS {
             for period in [1, 10, 50, 100] {
                 for every in [5, 20, 50, 100, 200] {
@@ -83,7 +85,7 @@ fn an_encoder_unplugged_under_a_stream_of_set_points_is_at_fault_within_300_ms()
 #[test]
 fn a_stall_under_a_stream_of_set_points_is_reported_and_probed_once() {
     let motor = neverest_60();
-    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+    for settings in configured_and_unknown(&motor, &inertia(LOAD)) {
         for period in [5, 50] {
             for every in [5, 20, 100] {
                 let mut bench = Bench::one(settings, plant(motor, inertia(LOAD)), period);
@@ -110,7 +112,7 @@ fn a_stall_under_a_stream_of_set_points_is_reported_and_probed_once() {
 #[test]
 fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_300_ms() {
     let motor = neverest_60();
-    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+    for settings in configured_and_unknown(&motor, &inertia(LOAD)) {
         for (period, every) in [(5, 5), (5, 20), (10, 100), (50, 50), (50, 20)] {
             let plants = [(); 2].map(|()| plant(motor, inertia(LOAD)));
             let mut bench = Bench::new([settings; 2], plants, period);
@@ -175,7 +177,7 @@ fn a_streamed_speed_lags_by_at_most_a_period_and_5_ms() {
     let motor = neverest_60();
     let demands: [(&str, Speed); 2] =
         [("ramp", |s| 300.0 + 400.0 * s), ("sine", |s| 1_000.0 + 700.0 * (std::f64::consts::PI * s).sin())];
-    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+    for settings in configured_and_unknown(&motor, &inertia(LOAD)) {
         for period_ms in [1, 10, 50] {
             for ((name, demand), jitter_ms) in
                 demands.into_iter().flat_map(|demand| [0, 6].map(|ms| (demand, ms)))
@@ -200,7 +202,7 @@ fn a_streamed_speed_lags_by_at_most_a_period_and_5_ms() {
 fn a_streamed_ramp_that_ends_overshoots_by_what_it_would_gain_before_its_end_is_noticed() {
     let motor = neverest_60();
     let demand: Speed = |s| 300.0 + 1_000.0 * (s / 0.4).min(1.0);
-    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+    for settings in configured_and_unknown(&motor, &inertia(LOAD)) {
         for (period_ms, phase_ms) in
             [1, 10, 50].into_iter().flat_map(|period_ms| [(period_ms, 1), (period_ms, 11)])
         {

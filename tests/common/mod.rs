@@ -84,6 +84,11 @@ pub(crate) fn configured(motor: &Motor, load: &Load) -> Settings {
     Settings { dynamics: Some(dynamics(motor, load)), ..unknown(motor) }
 }
 
+/// Returns the settings of a motor whose dynamics are configured for a load, and of one whose dynamics are not configured.
+pub(crate) fn configured_and_unknown(motor: &Motor, load: &Load) -> [Settings; 2] {
+    [configured(motor, load), unknown(motor)]
+}
+
 /// Returns the plant of a motor on [`BRIDGE`].
 pub(crate) fn plant(motor: Motor, load: Load) -> Plant {
     Plant::new(motor, load, Bridge::new(BRIDGE), Hertz(f64::from(BRIDGE.pwm_hz())))
