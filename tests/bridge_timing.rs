@@ -5,6 +5,7 @@ mod common;
 use common::{Bench, inertia, neverest_60 as am60, velocity};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Mode, Timing};
+use motor_hub::model::periodic::Steady;
 use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Amps, Hertz, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
@@ -20,36 +21,37 @@ fn bridge(timing: Timing) -> Bridge {
     Bridge::new(BridgeConstants::IDEAL.with_timing(timing))
 }
 
+/// A motor whose back EMF is 3 V, on a battery of 12 V.
+const AT: Conditions = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
+
+/// The steady current of the motor at a duty of mode 9/8.
+fn steady(timing: Timing, duty: f64) -> Steady {
+    Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, duty, PWM), AT)
+}
+
 #[test]
 fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference() {
     // Turning on takes 1 us longer than turning off. For half of this time, 0.5 us in each period of 50 us, the voltage
     // is lower by V + Vd. The mean voltage is therefore lower by 1 % of V + Vd.
-    let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
-    let mean = |turn_on_ns, turn_off_ns| {
-        let timing = Timing { turn_on_ns, turn_off_ns, ..Timing::IDEAL };
-        Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, 0.6, PWM), at).mean.0
-    };
+    let mean =
+        |turn_on_ns, turn_off_ns| steady(Timing { turn_on_ns, turn_off_ns, ..Timing::IDEAL }, 0.6).mean.0;
     let (fast, slow) = (mean(0, 0), mean(2_000, 1_000));
     let lost = (fast - slow) * (am60().r.0 + 0.1);
     assert!((lost - 0.01 * 12.7).abs() < 0.003, "{lost}");
     // Edges of equal duration cancel out, except for the voltage across a switch that is half closed during an edge.
     assert!((mean(2_000, 2_000) - fast).abs() < 2e-3 * fast);
     // At a duty of 0 or 1 the PWM line has no edges, so the timing has no effect.
-    let timing = Timing::VNH5019;
     for duty in [0.0, 1.0] {
-        let steady =
-            |timing| Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, duty, PWM), at).mean.0;
-        assert!((steady(timing) - steady(Timing::IDEAL)).abs() < 1e-9, "{duty}");
+        let [slow, fast] = [Timing::VNH5019, Timing::IDEAL].map(|timing| steady(timing, duty).mean.0);
+        assert!((slow - fast).abs() < 1e-9, "{duty}");
     }
 }
 
 #[test]
 fn switches_get_the_heat_of_their_edges() {
     // During both edges together, 2.2 us of 50 us, the switches dissipate half of the current times 12.7 V.
-    let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
-    let steady = |timing| Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, 0.6, PWM), at);
-    let (fast, slow) = (steady(Timing::IDEAL), steady(Timing::VNH5019));
-    let power = |steady: motor_hub::model::periodic::Steady| {
+    let (fast, slow) = (steady(Timing::IDEAL, 0.6), steady(Timing::VNH5019, 0.6));
+    let power = |steady: Steady| {
         let work = 3.0 * steady.sums.current;
         // Energy is conserved: the energy from the battery becomes heat or work.
         assert!((12.0 * steady.sums.battery() - work - steady.sums.heat).abs() < 1e-9);

@@ -258,10 +258,7 @@ fn a_motor_at_its_current_limit_is_stalled_no_earlier_than_100_ms_after_its_star
         let mut bench = Bench::one(settings, plant(motor, load), period_ms);
         bench.run_ms(1_000);
         bench.set(0, velocity(400));
-        let stalled_ms = (0..2_000).find(|_| {
-            bench.run_ms(1);
-            bench.report().stalled
-        });
-        assert!(stalled_ms.is_none_or(|ms| ms >= 100), "{period_ms} ms: {stalled_ms:?}");
+        let stalled_ms = bench.wait_until(2_000, |bench| bench.report().stalled);
+        assert!(stalled_ms.is_none_or(|ms| ms > 100), "{period_ms} ms: {stalled_ms:?}");
     }
 }

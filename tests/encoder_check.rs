@@ -47,12 +47,8 @@ fn fault<const N: usize>(bench: &Bench<N>) -> Option<EncoderFault> {
 
 /// Runs until the encoder is at fault; returns the time in ms.
 fn run_until_fault(bench: &mut Bench<1>) -> u64 {
-    let start = bench.ms;
-    while fault(bench).is_none() {
-        bench.run_ms(1);
-        assert!(bench.ms - start < 5_000, "no fault: {:?}", bench.report());
-    }
-    bench.ms - start
+    let ms = bench.wait_until(5_000, |bench| fault(bench).is_some());
+    ms.unwrap_or_else(|| panic!("no fault: {:?}", bench.report()))
 }
 
 /// Settings of every scheme with every duty rule.
@@ -61,8 +57,6 @@ fn all_schemes() -> impl Iterator<Item = Settings> {
         DutyRule::ALL.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
     })
 }
-
-const PERIODS: [u32; 4] = [5, 10, 25, 50];
 
 #[test]
 fn an_encoder_broken_from_the_start_is_at_fault_within_250_ms_of_strong_drive() {
@@ -74,10 +68,8 @@ fn an_encoder_broken_from_the_start_is_at_fault_within_250_ms_of_strong_drive() 
                     bench.axes[0].cable = cable;
                     bench.set(0, setpoint);
                     // This control value turns every motor that is not blocked.
-                    while bench.control(0).get().abs() < 20_000 {
-                        bench.run_ms(1);
-                        assert!(bench.ms <= 200, "{period} ms period: no strong drive");
-                    }
+                    let strong = bench.wait_until(200, |bench| bench.control(0).get().abs() >= 20_000);
+                    assert!(strong.is_some(), "{period} ms period: no strong drive");
                     let ms = run_until_fault(&mut bench);
                     let configured = settings.dynamics.is_some();
                     // The drive may have become strong in the middle of a period.
@@ -204,15 +196,14 @@ fn an_encoder_that_is_lost_after_a_stall_is_found() {
 
 #[test]
 fn a_reversed_encoder_is_at_fault_within_250_ms_of_running_away() {
-    for period in PERIODS {
+    for period in [5, 10, 25, 50] {
         for cps in [2_000, -2_000] {
             let mut bench = set_up(period);
             bench.axes[0].cable = Cable::Reversed;
             bench.set(0, velocity(cps));
             // The motor runs away clearly from a tenth of the free speed on.
-            while bench.report().velocity.round().abs() < 301 {
-                bench.run_ms(1);
-            }
+            let away = bench.wait_until(5_000, |bench| bench.report().velocity.round().abs() >= 301);
+            assert!(away.is_some(), "{period} ms period: the motor does not run away");
             let ms = run_until_fault(&mut bench);
             assert!(ms <= 250, "{period} ms period: after {ms} ms");
             assert_eq!(fault(&bench), Some(EncoderFault::Reversed));

@@ -58,14 +58,6 @@ fn settle<const N: usize>(bench: &mut Bench<N>) -> Snapshot<N> {
 }
 
 #[test]
-fn a_new_hub_coasts() {
-    let snapshot = settle(&mut Bench::turned(settings(), [0.0; 4]));
-    assert_eq!(snapshot.drives(), [Drive::COAST; 4]);
-    assert!(snapshot.motors.iter().all(|m| m.regime.is_none() && !m.faults.any()));
-    assert_eq!((snapshot.tick, snapshot.at), (21, Micros::new(1_000_000)));
-}
-
-#[test]
 fn constant_power_is_the_duty_of_9_8_or_6_2_at_any_speed() {
     for cps in [-2000.0, 0.0, 2000.0] {
         for (control, mode) in [(16_384, Mode::Cw98), (-16_384, Mode::Ccw62)] {

@@ -304,6 +304,18 @@ impl<const N: usize> Bench<N> {
         })
     }
 
+    /// Lets time pass until the bench is in a state. Returns the time in ms; `None` if it is longer than `most_ms`.
+    pub(crate) fn wait_until(&mut self, most_ms: u64, is_in_state: impl Fn(&Self) -> bool) -> Option<u64> {
+        let start = self.ms;
+        while !is_in_state(self) {
+            if self.ms - start >= most_ms {
+                return None;
+            }
+            self.run_ms(1);
+        }
+        Some(self.ms - start)
+    }
+
     /// Takes a tick that is due now, and lets time pass until the next. Returns the tick's snapshot.
     pub(crate) fn tick(&mut self) -> Snapshot<N> {
         self.run_ms(self.hub.period().as_millis().into());

@@ -125,12 +125,10 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     let usual = GroupCommand::new(course, speed, acceleration);
                     let lag = if endless { u16::MAX } else { usual.lag };
                     bench.move_group(GroupCommand { lag, ..usual });
-                    while !matches!(bench.snapshot.motors[0].setpoint,
-                        Setpoint::Follow(reference) if reference.position == 1_000)
-                    {
-                        bench.run_ms(1);
-                    }
-                    bench.ms
+                    let at_end = |setpoint| matches!(setpoint, Setpoint::Follow(to) if to.position == 1_000);
+                    bench
+                        .wait_until(60_000, |bench| at_end(bench.snapshot.motors[0].setpoint))
+                        .expect("an end")
                 });
                 let what = format!("known {known}, {period} ms, {mm_s} mm/s");
                 assert!(usual <= endless + u64::from(2 * period), "{what}: {usual} ms, not {endless} ms");

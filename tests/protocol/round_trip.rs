@@ -8,9 +8,7 @@ use motor_hub::chain::ChainReport;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupState;
 use motor_hub::extension::record::{Entries, Ticks};
-use motor_hub::extension::report::{
-    BusReport, Commands, Condition, HubReport, MotorReport, ReportedSetpoint,
-};
+use motor_hub::extension::report::{BusReport, Commands, Condition, HubReport, MotorReport};
 use motor_hub::extension::settings::{Form, Group, MotorSettings, Values};
 use motor_hub::extension::state::{StoreReport, UpdateReport};
 use motor_hub::extension::{FIRST_FUNCTION, HubFunction, MotorFunction, Request};
@@ -24,7 +22,7 @@ use motor_hub::protocol::requests::{self, Standard, ToHub};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::identify::Identification;
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, Micros, Milliamperes, Millivolts};
+use motor_hub::units::{Coefficient, Control, Micros, Millivolts};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::strategy::Union;
@@ -261,18 +259,6 @@ fn an_answer_is_read_as_it_was_written() {
         Entries,
         Ticks,
     ];
-}
-
-#[test]
-fn each_kind_of_setpoint_is_read_as_it_was_written() {
-    use ReportedSetpoint::{Current, FailSafe, Follow, Identify, Off, Position, Power, Velocity};
-    let power = Power(Control::new(-3));
-    let current = Current(Milliamperes::new(i32::MIN));
-    for setpoint in
-        [Off, FailSafe, power, Velocity(-4), Position(i32::MAX), Follow(5), Identify(u32::MAX), current]
-    {
-        assert_eq!(read_back(&setpoint), Ok(setpoint));
-    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::host::{Answer, N, TestHost};
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::{FIRST_FUNCTION, MotorFunction};
-use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
+use motor_hub::group::{Course, GroupCommand, Halt};
 use motor_hub::hub::Command;
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::regulator::Reference;
@@ -12,7 +12,7 @@ use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 
 const STATE: u16 = 0x4D07;
 
-fn wanted(course: GroupCourse) -> GroupCommand<GroupCourse> {
+fn wanted<C>(course: C) -> GroupCommand<C> {
     GroupCommand {
         course,
         speed: CountsPerSecond::new(2_000),
@@ -28,12 +28,7 @@ fn pair(left: i32, right: i32) -> GroupCommand<GroupCourse> {
 }
 
 fn command_group(left: i32, right: i32) -> Command {
-    let mut counts = [None; MOTORS];
-    (counts[1], counts[3]) = (Some(left), Some(right));
-    let GroupCommand { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
-    let together =
-        GroupCommand { course: Course::Position(counts), speed, acceleration, lag, tolerance, halt };
-    Command::MoveGroup(together)
+    Command::MoveGroup(wanted(Course::positions(&[(1, left), (3, right)]).expect("motors")))
 }
 
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Answer {

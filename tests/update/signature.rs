@@ -150,6 +150,7 @@ fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
         assert_eq!(sent_to(&chip, &image, Some(seal)), ARMED);
         chip
     };
+    assert_eq!(checked(&chip(7), seal.key), Booted::Confirmed, "nothing is armed");
     assert_eq!(checked(&armed(), seal.key), Booted::OnTrial);
     assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::Reverted, "another key");
     // A hub without a key has armed an image without a signature.
@@ -176,12 +177,6 @@ fn a_swap_that_has_begun_is_not_checked_again() {
     chip.borrow_mut().put(STATE.start + 2 * WORD, &[0; WORD]);
     chip.borrow_mut().bytes[DOWNLOAD.start + 40] ^= 1;
     assert_eq!(checked(&chip, seal.key), Booted::OnTrial);
-}
-
-#[test]
-fn a_chip_without_a_marked_swap_boots_what_it_has() {
-    let chip = chip(7);
-    assert_eq!(checked(&chip, seal(*SIGNATURE).key), Booted::Confirmed);
 }
 
 proptest! {
