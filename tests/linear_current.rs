@@ -230,22 +230,6 @@ fn regimes_are_those_of_the_points() {
     }
 }
 
-/// Largest deviation from the line when the hub is configured with this winding.
-fn worst_when_configured(motor: &Motor, configured: &Winding) -> f64 {
-    let mut worst = 0.0f64;
-    for frequency in FREQUENCIES {
-        let rule = LinearCurrent::new(configured, &bridge(frequency));
-        for point in points(motor, &[12.0]) {
-            for control in controls() {
-                let placement = linear_current(&rule, Scheme::A, point.at, Control::new(control));
-                let current = point.current(motor, frequency, placement);
-                worst = worst.max(point.deviation(motor, Scheme::A, control, current));
-            }
-        }
-    }
-    worst
-}
-
 #[test]
 fn a_resistance_or_inductance_that_is_wrong_costs_little() {
     let motor = &am60();
@@ -255,7 +239,18 @@ fn a_resistance_or_inductance_that_is_wrong_costs_little() {
             inductance: Inductance::from_millihenries(1e3 * inductance * motor.l.0).ok(),
             ..winding(motor)
         };
-        let worst = worst_when_configured(motor, &configured);
+        let mut worst = 0.0f64;
+        for frequency in FREQUENCIES {
+            let rule = LinearCurrent::new(&configured, &bridge(frequency));
+            for (point, control) in points(motor, &[12.0])
+                .iter()
+                .flat_map(|point| controls().map(move |control| (point, control)))
+            {
+                let placement = linear_current(&rule, Scheme::A, point.at, Control::new(control));
+                let current = point.current(motor, frequency, placement);
+                worst = worst.max(point.deviation(motor, Scheme::A, control, current));
+            }
+        }
         println!("R x{resistance}, L x{inductance}: {worst:.4} of Vbat/R");
         assert!(worst < 0.065, "R x{resistance}, L x{inductance}: {worst}");
     }

@@ -203,21 +203,6 @@ fn under_pulses_the_mean_torque_breaks_away() {
 }
 
 #[test]
-fn a_load_on_the_output_breaks_away_either_way() {
-    let motor = am60(5.0, 0.0);
-    let breakaway = motor.friction.breakaway.0 / Shaft::new(&motor, &Load::NONE).torque_ratio;
-    for (share, moves) in [(0.9999, false), (1.0001, true)] {
-        for sign in [1.0, -1.0] {
-            let mut plant = bare(motor);
-            let torque_after = NewtonMetres(sign * share * breakaway);
-            plant.run(Seconds(0.1), PlantInput { torque_after, ..PlantInput::COAST }, BATTERY);
-            let speed = plant.speed().0 * sign;
-            assert!(if moves { speed > 0.0 } else { speed == 0.0 }, "{share} {sign}: {speed}");
-        }
-    }
-}
-
-#[test]
 fn coasting_down_ends_when_the_closed_form_says_and_where() {
     for name in ["AM 60 A", "AM 3.7 B", "CoreHex A"] {
         for coulomb in [0.5, 5.0, 20.0] {

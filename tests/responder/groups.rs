@@ -31,6 +31,10 @@ fn command_group(left: i32, right: i32) -> Command {
     Command::MoveGroup(wanted(Course::positions(&[(1, left), (3, right)]).expect("motors")))
 }
 
+fn power(motor: usize, power: i16) -> Command {
+    Command::Set { motor, setpoint: Setpoint::ConstantPower(Control::new(power)) }
+}
+
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Answer {
     host.request(MotorFunction::Move { wanted }.to(motor))
 }
@@ -91,8 +95,7 @@ fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
         host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
     }
     ask(&mut host, 3, pair(1, 2));
-    let power = |motor| Command::Set { motor, setpoint: Setpoint::ConstantPower(Control::new(256)) };
-    assert_eq!(host.new_commands(), [power(0), power(2), command_group(1, 2)]);
+    assert_eq!(host.new_commands(), [power(0, 256), power(2, 256), command_group(1, 2)]);
 }
 
 #[test]
@@ -131,7 +134,6 @@ fn members_of_a_deleted_course_get_the_set_points_that_the_course_had_replaced()
     ask(&mut host, 1, pair(1, 2));
     // Nothing has been sent yet. Motor 3 leaves the group.
     host.do_all(&[(15, &[3, 0, 2])]);
-    let power = |motor, power| Command::Set { motor, setpoint: Setpoint::ConstantPower(Control::new(power)) };
     assert_eq!(host.new_commands(), [power(1, 256), power(3, 512)]);
     // The course of an enabled motor that has its set-point already is deleted without another command.
     ask(&mut host, 1, pair(1, 2));
