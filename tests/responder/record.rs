@@ -6,7 +6,6 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
-use motor_hub::protocol::Nack;
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
 use motor_hub::units::{Control, Voltage};
 
@@ -15,11 +14,6 @@ fn a_hub_without_a_record_reports_none() {
     let mut host = TestHost::settled();
     assert_eq!(host.ask(0x4D12, &[0, 0]), Answer::Data(vec![0; 5]));
     assert_eq!(host.ask(0x4D21, &[1, 0, 0]), Answer::Nack(0));
-}
-
-#[test]
-fn ticks_with_control_values_as_in_firmware_0_1_0_are_refused_as_an_unknown_function() {
-    assert_eq!(TestHost::settled().ask(0x4D13, &[1, 0, 0]), Answer::Nack(Nack::UNKNOWN.0));
 }
 
 /// A host at a hub that has been reset this number of times, and then once more by its watchdog.
