@@ -29,10 +29,6 @@ fn keep_alive(host: &mut TestHost) -> Answer {
     host.ask(0x7F04, &[])
 }
 
-fn enabled(host: &mut TestHost) -> [Answer; N] {
-    [0, 1, 2, 3].map(|motor| host.call(11, &[motor]))
-}
-
 fn no() -> Answer {
     Answer::Data(vec![0])
 }
@@ -299,7 +295,7 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
     host.wait_ms(10 * TIMEOUT_MS);
     host.responder.tick(host.now, &host.snapshot);
     assert!(host.new_commands().is_empty());
-    assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
+    assert_eq!(host.responder.enabled(), [false; N]);
     assert_eq!(keep_alive(&mut host), Answer::Ack(1));
     assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![1, 0]));
     assert!(host.new_commands().is_empty(), "packets alone enable nothing");
@@ -314,7 +310,7 @@ fn a_late_packet_does_not_hide_the_time_out() {
     let mut host = driving();
     host.wait_ms(TIMEOUT_MS);
     assert_eq!(keep_alive(&mut host), Answer::Ack(1));
-    assert_eq!(enabled(&mut host)[0], no());
+    assert!(!host.responder.enabled()[0]);
 }
 
 #[test]
@@ -379,7 +375,7 @@ fn fail_safe_keeps_modes_targets_and_coefficients() {
     let before = keep(&mut host);
     assert_eq!(host.ask(0x7F05, &[]), Answer::Ack(1));
     assert_eq!(keep(&mut host), before);
-    assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
+    assert_eq!(host.responder.enabled(), [false; N]);
 }
 
 #[test]
@@ -481,7 +477,7 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     assert_eq!(commands.first(), Some(&set(0, Setpoint::FailSafe)));
     assert!(!commands.contains(&set(1, Setpoint::FailSafe)), "{commands:?}");
     assert!(commands.contains(&set(2, Setpoint::Disabled)), "{commands:?}");
-    assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
+    assert_eq!(host.responder.enabled(), [false; N]);
     // The motor brakes until a host disables it.
     let is_for_motor_0 = |command: &Command| {
         matches!(command, Command::Set { motor: 0, .. } | Command::Configure { motor: 0, .. })
