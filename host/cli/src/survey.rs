@@ -4,9 +4,8 @@ use crate::output::{Failure, Folder, drawn, in_steps, print_paths};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
-use studies::survey::text::{self, Parts};
-use studies::survey::{Survey, bare_motors, chart, random, reference, toml};
-use studies::{NamedFigure, StudyError};
+use studies::survey::{Results, Survey, bare_motors, random, reference, toml};
+use studies::{StudyError, with_fields};
 
 /// A part of the survey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -74,26 +73,20 @@ impl Options {
             return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
-        let (reference, cells, survey) = in_steps("runs", |step| {
-            let reference = wanted(Part::Reference).then(|| reference::run(step)).transpose()?;
-            let cells = wanted(Part::Cells).then(|| bare_motors::run(step)).transpose()?;
-            let survey =
-                wanted(Part::Random).then(|| Survey::new(self.seed, self.scenarios, step)).transpose()?;
-            Ok((reference, cells, survey))
+        let results = in_steps("runs", |step| {
+            Ok(Results {
+                reference: wanted(Part::Reference).then(|| reference::run(step)).transpose()?,
+                cells: wanted(Part::Cells).then(|| bare_motors::run(step)).transpose()?,
+                survey: wanted(Part::Random)
+                    .then(|| Survey::new(self.seed, self.scenarios, step))
+                    .transpose()?,
+            })
         })
         .map_err(|error: StudyError| Failure::work(error))?;
-        let figures = [
-            reference.as_deref().map(chart::reference),
-            cells.as_deref().map(chart::cells),
-            survey.as_ref().map(chart::survey),
-        ];
-        let figures: Vec<NamedFigure> = figures.into_iter().flatten().collect();
-        let parts =
-            Parts { reference: reference.as_deref(), cells: cells.as_deref(), survey: survey.as_ref() };
-        let page = text::page(parts, self.worst);
-        let mut files = drawn(&figures);
+        let page = results.page(self.worst);
+        let mut files = drawn(&results.figures());
         files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
-        let document = |files: &[String]| json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
+        let document = |files: &[String]| with_fields(json!(results), json!({ "files": files }));
         let json = self.json.then_some(document);
         folder.publish(files, "Charts (SVG) and tables (Markdown) are", &page.terminal(), json)
     }

@@ -4,9 +4,19 @@
 //!
 //! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). A random response
 //! counts only if some regulator can settle it.
+//!
+//! ```
+//! use studies::survey::{Results, Survey};
+//!
+//! let survey = Survey::new(1, 1, &mut |_, _| ())?;
+//! let results = Results { survey: Some(survey), ..Results::default() };
+//! let [(name, figure)] = results.figures().try_into().expect("one part, one figure");
+//! assert_eq!((name.as_str(), figure.panels.len()), ("survey", 2));
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 pub mod bare_motors;
-pub mod chart;
+mod chart;
 mod fastest;
 mod parallel;
 pub mod random;
@@ -15,19 +25,18 @@ mod responses;
 mod scenario_file;
 pub mod soak;
 mod sweep;
-pub mod text;
+mod text;
 
 pub use responses::{Kind, Verdict};
 pub use scenario_file::toml;
 
-use crate::StudyError;
-use crate::settling::{Change, Goal};
-use fastest::settleable;
+use crate::page::Page;
+use crate::settling::{Change, Goal, changes};
+use crate::{NamedFigure, StudyError};
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
-use responses::Challenge;
 use serde::Serialize;
 use simulated::scenario::{Configuration, Motor, Scenario};
 use simulated::scheme::{SchemeWords, describe};
@@ -97,6 +106,13 @@ impl Knowledge {
             Self::EmfLow => "Ke x0.9",
             Self::EmfHigh => "Ke x1.1",
             Self::Sibling => "sibling configured",
+        }
+    }
+
+    /// Configures the motors of a scenario.
+    fn configure(self, scenario: &mut Scenario) {
+        for motor in &mut scenario.motors {
+            motor.configuration = self.configured(&motor.constants);
         }
     }
 
@@ -186,6 +202,37 @@ pub struct Survey {
     pub responses: Vec<Response>,
 }
 
+/// Results of the parts of the survey; `None` for a part that was left out.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Results {
+    /// The reference tasks.
+    pub reference: Option<Vec<reference::Row>>,
+    /// The motors without a load.
+    pub cells: Option<Vec<bare_motors::BareMotor>>,
+    /// The random scenarios.
+    pub survey: Option<Survey>,
+}
+
+impl Results {
+    /// The result in a sentence, then the tables of every part with this many of the worst responses.
+    #[must_use]
+    pub fn page(&self, worst: usize) -> Page {
+        text::page(self, worst)
+    }
+
+    /// A chart of every part.
+    #[must_use]
+    pub fn figures(&self) -> Vec<NamedFigure> {
+        let Self { reference, cells, survey } = self;
+        let figures = [
+            reference.as_deref().map(chart::reference),
+            cells.as_deref().map(chart::cells),
+            survey.as_ref().map(chart::survey),
+        ];
+        figures.into_iter().flatten().collect()
+    }
+}
+
 impl Survey {
     /// Draws and runs scenarios. `progress` gets the number of finished scenarios and the number of all scenarios.
     ///
@@ -211,58 +258,52 @@ impl Survey {
 
 /// The number of all responses of a scenario, and the responses that can be settled.
 fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
-    let scenario = random::scenario(seed, number);
-    let all = responses::challenges(&scenario);
-    let challenges = settleable(&scenario, &all)?;
-    // Runs end with the last response that can be settled.
-    let Some(end_ms) = challenges.iter().map(Challenge::end_ms).max() else {
-        return Ok((all.len(), Vec::new()));
-    };
-    let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
-    for knowledge in Knowledge::ALL {
-        let mut scenario = scenario.clone();
-        scenario
-            .motors
-            .iter_mut()
-            .for_each(|motor| motor.configuration = knowledge.configured(&motor.constants));
-        scenario.duration_s = end_ms as f64 / 1e3;
-        let tracks = responses::watch(&scenario)?;
-        for (challenge, all) in challenges.iter().zip(&mut verdicts) {
-            all.push(responses::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
-        }
-    }
-    let responses = challenges
-        .iter()
-        .zip(verdicts)
-        .filter_map(|(challenge, verdicts)| {
-            let motor = scenario.motors.get(challenge.motor)?;
-            Some(Response {
+    let mut scenario = random::scenario(seed, number);
+    let (mut all, mut settleable, mut responses) = (0, Vec::new(), Vec::new());
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        all += changes(motor, scenario.duration_s).len();
+        for change in fastest::settleable(&scenario, motor)? {
+            responses.push(Response {
                 scenario: number,
-                motor: challenge.motor,
-                at_s: challenge.begin_ms() as f64 / 1e3,
-                kind: challenge.kind,
-                what: what(challenge),
-                circumstances: circumstances(&scenario, challenge.motor),
+                motor: index,
+                at_s: change.span_ms().start as f64 / 1e3,
+                kind: change.kind(),
+                what: what(&change),
+                circumstances: circumstances(&scenario, index),
                 period_ms: scenario.period.as_millis(),
                 scheme: SchemeWords(motor.scheme),
                 duty: motor.duty,
                 friction_percent: friction_percent(motor),
-                verdicts,
-            })
-        })
-        .collect();
-    Ok((all.len(), responses))
+                verdicts: Vec::new(),
+            });
+            settleable.push(change);
+        }
+    }
+    // Runs end with the last response that can be settled.
+    let Some(end_ms) = settleable.iter().map(|change| change.span_ms().end).max() else {
+        return Ok((all, responses));
+    };
+    scenario.duration_s = end_ms as f64 / 1e3;
+    for knowledge in Knowledge::ALL {
+        knowledge.configure(&mut scenario);
+        let tracks = responses::watch(&scenario)?;
+        for (change, response) in settleable.iter().zip(&mut responses) {
+            let track = tracks.get(response.motor).map_or(&[][..], Vec::as_slice);
+            response.verdicts.push(responses::judge(change, track));
+        }
+    }
+    Ok((all, responses))
 }
 
-fn what(challenge: &Challenge) -> String {
+fn what(change: &Change) -> String {
     let goal = |goal| match goal {
         Goal::Velocity(speed) => format!("{speed:.0} cps"),
         Goal::Position { counts, .. } => format!("count {counts:.0}"),
     };
-    let &Change { old, goal: new, old_torque, torque, .. } = &challenge.change;
+    let &Change { old, goal: new, old_torque, torque, .. } = change;
     let from = old.map_or("off".to_owned(), goal);
-    let length = challenge.length_s();
-    if challenge.kind == Kind::Load {
+    let length = change.length_s();
+    if change.kind() == Kind::Load {
         format!("{from}, {old_torque:.3} -> {torque:.3} N m, {length:.1} s")
     } else {
         format!("{from} -> {}, {torque:.3} N m, {length:.1} s", goal(new))

@@ -1,8 +1,9 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
 use super::parallel::{self, ByKnowledge};
-use super::responses::{Verdict, challenges, judge, watch};
+use super::responses::{Verdict, judge, watch};
 use super::time_constant;
+use crate::settling::changes;
 use crate::{StudyError, position, velocity};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
@@ -88,8 +89,8 @@ fn scenario(constants: catalogue::Motor, by_speed: bool) -> Scenario {
 
 fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
     let scenario = parallel::variant(scenario, configured, period_ms)?;
-    let tracks = watch(&scenario)?;
-    match (challenges(&scenario).as_slice(), tracks.first()) {
+    let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
+    match (changes(motor, scenario.duration_s).as_slice(), watch(&scenario)?.first()) {
         ([first, second], Some(track)) => Ok([judge(first, track), judge(second, track)]),
         _ => Err(StudyError::NoEvent),
     }

@@ -1,13 +1,4 @@
 //! Curves that show how soon responses settle: the percentage of responses that have settled by a time.
-//!
-//! ```
-//! use studies::survey::{Survey, chart};
-//!
-//! let survey = Survey::new(1, 1, &mut |_, _| ())?;
-//! let (name, figure) = chart::survey(&survey);
-//! assert_eq!((name.as_str(), figure.panels.len()), ("survey", 2));
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 
 use super::bare_motors::BareMotor;
 use super::reference::{Figure as ReferenceFigure, Row};
@@ -26,8 +17,7 @@ const CONFIGURED: (&str, &str) = ("configured exactly", colour::BLUE);
 const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
 
 /// The tasks of the reference, at all periods.
-#[must_use]
-pub fn reference(rows: &[Row]) -> NamedFigure {
+pub(super) fn reference(rows: &[Row]) -> NamedFigure {
     let settling = || rows.iter().filter(|row| row.figure == ReferenceFigure::Settling);
     let configured = times(settling().flat_map(|row| &row.configured));
     let unknown = times(settling().flat_map(|row| &row.unknown));
@@ -36,8 +26,7 @@ pub fn reference(rows: &[Row]) -> NamedFigure {
 }
 
 /// Motors without a load, at all periods.
-#[must_use]
-pub fn cells(cells: &[BareMotor]) -> NamedFigure {
+pub(super) fn cells(cells: &[BareMotor]) -> NamedFigure {
     let of_mode = |mode: &'static str| {
         let chosen = || cells.iter().filter(move |cell| cell.mode == mode);
         let configured = times(chosen().flat_map(|cell| cell.configured.iter().flatten()));
@@ -49,8 +38,7 @@ pub fn cells(cells: &[BareMotor]) -> NamedFigure {
 }
 
 /// Random responses that can be settled, of motors without and with dry friction.
-#[must_use]
-pub fn survey(survey: &Survey) -> NamedFigure {
+pub(super) fn survey(survey: &Survey) -> NamedFigure {
     let of = |rough: bool| -> Vec<&Response> {
         survey.responses.iter().filter(|response| (response.friction_percent > 0.0) == rough).collect()
     };

@@ -1,9 +1,9 @@
 //! Decides whether some regulator can settle a response, by the time that the motion takes with the battery's full
 //! voltage.
 
-use super::responses::{Challenge, Kind};
+use super::responses::Kind;
 use crate::StudyError;
-use crate::settling::{Change, Goal, rest_s};
+use crate::settling::{Change, Goal, changes, rest_s};
 use motor_hub::braking::{Modulator, OperatingPoint};
 use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
@@ -175,7 +175,7 @@ impl Machine {
     }
 }
 
-/// The state of a motor before a challenge, as predicted.
+/// The state of a motor before a change, as predicted.
 struct State {
     /// Speed in counts/s.
     speed: f64,
@@ -185,37 +185,32 @@ struct State {
     slack: f64,
 }
 
-/// The challenges of a scenario, by motor and time, that some regulator can settle before the next change.
+/// The changes of a motor in a scenario, by time, that some regulator can settle before the next change.
 ///
 /// The ideal time is the time with full voltage within the scheme's range, in one direction and then in the other. The
 /// voltage is 95 % of the battery's voltage with all motors stalled. The granted time is 1.5 times the ideal time plus
 /// 0.3 s, six control periods and the time of three counts. After the granted time the motor must still have the time
 /// for which it must stay settled. Some control value must also keep the speed, or standstill at a position, under the
-/// torque with a tenth of the voltage left. After a challenge that cannot be settled the state of the motor is not
-/// known, so the motor's further challenges are not judged.
-pub(super) fn settleable(
-    scenario: &Scenario,
-    challenges: &[Challenge],
-) -> Result<Vec<Challenge>, StudyError> {
+/// torque with a tenth of the voltage left. After a change that cannot be settled the state of the motor is not
+/// known, so the motor's further changes are not judged.
+pub(super) fn settleable(scenario: &Scenario, motor: &Motor) -> Result<Vec<Change>, StudyError> {
     let period_s = f64::from(scenario.period.as_millis()) / 1e3;
+    let machine = Machine::new(scenario, motor)?;
+    let mut at = State { speed: 0.0, counts: 0.0, slack: 0.0 };
     let mut settleable = Vec::new();
-    for (index, motor) in scenario.motors.iter().enumerate() {
-        let machine = Machine::new(scenario, motor)?;
-        let mut at = State { speed: 0.0, counts: 0.0, slack: 0.0 };
-        for challenge in challenges.iter().filter(|challenge| challenge.motor == index) {
-            let Some(after) = machine.answer(challenge, &at, period_s) else { break };
-            settleable.push(challenge.clone());
-            at = after;
-        }
+    for change in changes(motor, scenario.duration_s) {
+        let Some(after) = machine.answer(&change, &at, period_s) else { break };
+        settleable.push(change);
+        at = after;
     }
     Ok(settleable)
 }
 
 impl Machine {
-    /// The motor's state after a challenge that can be settled.
-    fn answer(&self, challenge: &Challenge, at: &State, period: f64) -> Option<State> {
-        let Change { goal, torque, old_torque, .. } = challenge.change;
-        let surprise = if challenge.kind == Kind::Load || torque != old_torque {
+    /// The motor's state after a change that can be settled.
+    fn answer(&self, change: &Change, at: &State, period: f64) -> Option<State> {
+        let &Change { goal, torque, old_torque, .. } = change;
+        let surprise = if change.kind() == Kind::Load || torque != old_torque {
             self.per_torque * (torque - old_torque) * (period + SURPRISE_S)
         } else {
             0.0
@@ -224,7 +219,7 @@ impl Machine {
         let (ideal, counts, after) = match goal {
             Goal::Velocity(to) => {
                 let (ideal, _) = self.run_up(from, to, torque)?;
-                let way = to * challenge.length_s();
+                let way = to * change.length_s();
                 let slack = at.slack + (to - at.speed).abs() * (ideal + period + GRACE_S);
                 let counts = if to == 0.0 { 0.0 } else { GRACE_COUNTS / to.abs() };
                 (ideal, counts, State { speed: to, counts: at.counts + way, slack })
@@ -238,7 +233,7 @@ impl Machine {
             }
         };
         let granted = PATIENCE * ideal + GRACE_S + GRACE_PERIODS * period + counts;
-        let length = challenge.length_s();
+        let length = change.length_s();
         let enough = granted <= length - rest_s(length);
         (enough && self.keeps(after.speed, torque)).then_some(after)
     }

@@ -4,8 +4,9 @@
 mod base;
 
 use super::parallel::{self, ByKnowledge};
-use super::responses::{Verdict, challenges, judge, watch};
+use super::responses::{Verdict, judge, watch};
 use crate::StudyError;
+use crate::settling::changes;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
@@ -40,13 +41,13 @@ pub enum Figure {
 
 /// A task, and the figure that the reference reached with a period of 50 ms.
 #[derive(Clone, Debug)]
-pub struct Task {
+struct Task {
     /// The task in words.
-    pub name: String,
+    name: String,
     /// The reference's figure; of several motors the worst.
-    pub reference: &'static str,
+    reference: &'static str,
     /// The kind of figure.
-    pub figure: Figure,
+    figure: Figure,
     /// One scenario for each motor.
     scenarios: Vec<Scenario>,
     /// Index of the response in the scenario.
@@ -83,10 +84,7 @@ pub struct Row {
 const CRAWLERS: [&str; 3] = ["AM 60 A", "AM 3.7 A", "Matrix A"];
 
 /// All tasks.
-///
-/// # Errors
-/// If the catalogue lacks a motor.
-pub fn tasks() -> Result<Vec<Task>, StudyError> {
+fn tasks() -> Result<Vec<Task>, StudyError> {
     let flywheel = |speeds: &[(f64, i32)]| plan("AM 20 A", 0.006, &velocities(speeds));
     let winch = |speeds: &[(f64, i32)]| plan("AM 60 A", 0.05, &velocities(speeds));
     let mut all = Vec::new();
@@ -233,10 +231,10 @@ fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Ve
                 setpoints.chain(torques).filter(|at_s| **at_s > 0.0).for_each(|at_s| *at_s += LATE_S);
             }
         }
-        let tracks = watch(&scenario)?;
-        let challenges = challenges(&scenario);
-        let challenge = challenges.get(task.response).ok_or(StudyError::NoEvent)?;
-        let verdict = judge(challenge, tracks.first().ok_or(StudyError::NoEvent)?);
+        let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
+        let changes = changes(motor, scenario.duration_s);
+        let change = changes.get(task.response).ok_or(StudyError::NoEvent)?;
+        let verdict = judge(change, watch(&scenario)?.first().ok_or(StudyError::NoEvent)?);
         if worst.is_none_or(|worst| worst.last_rms < verdict.last_rms) {
             worst = Some(verdict);
         }

@@ -1,13 +1,13 @@
-//! Finds the changes in a scenario to which its motors respond, and judges the responses by the true motion at every
-//! millisecond.
+//! Judges the responses of motors to changes by the true motion at every millisecond.
 
 use crate::StudyError;
 use crate::measures::rms;
-use crate::settling::{Change, Goal, changes, rest_s, settling};
+use crate::settling::{Change, Goal, rest_s, settling};
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario};
+use simulated::scenario::Scenario;
 use simulated::trace::Point;
 use simulated::without_tasks;
+use std::ops::Range;
 
 /// Length of the end of a response in which swings are counted, in milliseconds.
 const SWING_MS: usize = 1_000;
@@ -29,58 +29,31 @@ pub enum Kind {
     Position,
 }
 
-impl Kind {
-    fn of(change: &Change) -> Self {
-        match (change.old, change.goal) {
-            (Some(old), goal) if old == goal => Self::Load,
-            (_, Goal::Position { .. }) => Self::Position,
-            (_, Goal::Velocity(to)) if to != 0.0 && to.abs() < CRAWL_CPS => Self::Crawl,
-            (Some(Goal::Velocity(from)), Goal::Velocity(to)) if from * to < 0.0 => Self::Reversal,
-            _ => Self::Speed,
+impl Change {
+    pub(super) fn kind(&self) -> Kind {
+        match (self.old, self.goal) {
+            (Some(old), goal) if old == goal => Kind::Load,
+            (_, Goal::Position { .. }) => Kind::Position,
+            (_, Goal::Velocity(to)) if to != 0.0 && to.abs() < CRAWL_CPS => Kind::Crawl,
+            (Some(Goal::Velocity(from)), Goal::Velocity(to)) if from * to < 0.0 => Kind::Reversal,
+            _ => Kind::Speed,
         }
+    }
+
+    /// Milliseconds from this change to the next one.
+    pub(super) fn span_ms(&self) -> Range<usize> {
+        let millisecond = |at_s: f64| (1e3 * at_s).round() as usize;
+        millisecond(self.span_s.start)..millisecond(self.span_s.end)
+    }
+
+    /// Time from this change to the next one in seconds, in whole milliseconds.
+    pub(super) fn length_s(&self) -> f64 {
+        self.span_ms().len() as f64 / 1e3
     }
 }
 
 /// Speeds below this limit, in counts/s, are a crawl.
 const CRAWL_CPS: f64 = 60.0;
-
-/// A change that a motor responds to.
-#[derive(Clone, Debug)]
-pub(super) struct Challenge {
-    pub(super) motor: usize,
-    pub(super) kind: Kind,
-    pub(super) change: Change,
-}
-
-impl Challenge {
-    /// Time to the next change, in seconds.
-    pub(super) fn length_s(&self) -> f64 {
-        (self.end_ms() - self.begin_ms()) as f64 / 1e3
-    }
-
-    /// Time of the change in milliseconds.
-    pub(super) fn begin_ms(&self) -> usize {
-        millisecond(self.change.span_s.start)
-    }
-
-    /// Time of the next change in milliseconds.
-    pub(super) fn end_ms(&self) -> usize {
-        millisecond(self.change.span_s.end)
-    }
-}
-
-fn millisecond(at_s: f64) -> usize {
-    (1e3 * at_s).round() as usize
-}
-
-/// All changes of a scenario, by motor and time.
-pub(super) fn challenges(scenario: &Scenario) -> Vec<Challenge> {
-    let of_motor = |(motor, plan): (usize, &Motor)| {
-        let changes = changes(plan, scenario.duration_s).into_iter();
-        changes.map(move |change| Challenge { motor, kind: Kind::of(&change), change })
-    };
-    scenario.motors.iter().enumerate().flat_map(of_motor).collect()
-}
 
 /// A motor at one millisecond.
 #[derive(Clone, Copy, Debug)]
@@ -131,25 +104,24 @@ pub struct Verdict {
 }
 
 /// Judges a response by the motion of its motor.
-pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
-    let (Change { old, goal, .. }, from_ms, to_ms) =
-        (&challenge.change, challenge.begin_ms(), challenge.end_ms());
-    let span = track.get(from_ms..to_ms.min(track.len())).unwrap_or_default();
+pub(super) fn judge(change: &Change, track: &[Instant]) -> Verdict {
+    let (goal, span_ms) = (change.goal, change.span_ms());
+    let span = track.get(span_ms.start..span_ms.end.min(track.len())).unwrap_or_default();
     let points: Vec<Point> = span.iter().map(|at| at.point).collect();
-    let before = Goal::speed_before(*old, &points);
+    let before = Goal::speed_before(change.old, &points);
     let band = goal.band(before);
     let errors = goal.errors(&points);
     let deviations: Vec<f64> = points.iter().map(|point| goal.value(point) - goal.target()).collect();
-    let span_s = from_ms as f64 / 1e3..to_ms as f64 / 1e3;
+    let span_s = span_ms.start as f64 / 1e3..span_ms.end as f64 / 1e3;
     let last = |length: usize| errors.get(errors.len().saturating_sub(length)..).unwrap_or_default();
-    let rest = (1e3 * rest_s(challenge.length_s())).round() as usize;
+    let rest = (1e3 * rest_s(change.length_s())).round() as usize;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let ending = last(SWING_MS);
     let low = ending.iter().copied().fold(f64::INFINITY, f64::min);
     let high = ending.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Verdict {
-        settling_s: settling(*goal, before, span_s, &points).seconds(),
-        beyond_percent: beyond(challenge, &deviations),
+        settling_s: settling(goal, before, span_s, &points).seconds(),
+        beyond_percent: beyond(change, &deviations),
         cycles: low < -band && high > band,
         last_error: mean(last(rest)),
         last_rms: rms(ending),
@@ -159,10 +131,10 @@ pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
     }
 }
 
-fn beyond(challenge: &Challenge, errors: &[f64]) -> Option<f64> {
+fn beyond(change: &Change, errors: &[f64]) -> Option<f64> {
     let peak = |error: &mut dyn FnMut(&f64) -> f64| errors.iter().map(error).fold(0.0, f64::max);
-    let &Change { goal, torque, old_torque, .. } = &challenge.change;
-    if challenge.kind == Kind::Load {
+    let &Change { goal, torque, old_torque, .. } = change;
+    if change.kind() == Kind::Load {
         return match goal {
             Goal::Velocity(speed) if speed.abs() >= CRAWL_CPS => {
                 Some(100.0 * peak(&mut |error| error.abs()) / speed.abs())

@@ -2,62 +2,51 @@
 
 use super::bare_motors::{self, BareMotor};
 use super::reference::{self, Figure, Row};
-use super::{Kind, Knowledge, Response, Survey, Verdict};
+use super::{Kind, Knowledge, Response, Results, Survey, Verdict};
 use crate::page::Page;
 use crate::table::{self, Table};
 use motor_hub::braking::DutyRule;
 use simulated::scheme::describe;
 
-/// What was run: each part is `None` if it was left out.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Parts<'a> {
-    /// The reference tasks.
-    pub reference: Option<&'a [Row]>,
-    /// The motors without a load.
-    pub cells: Option<&'a [BareMotor]>,
-    /// The random scenarios.
-    pub survey: Option<&'a Survey>,
-}
-
 /// The result in a sentence, then the tables of every part with this many of the worst responses.
-pub fn page(parts: Parts<'_>, worst: usize) -> Page {
-    let mut page = Page::new(headline(parts));
-    if let Some(rows) = parts.reference {
+pub(super) fn page(results: &Results, worst: usize) -> Page {
+    let mut page = Page::new(headline(results));
+    if let Some(rows) = &results.reference {
         reference(&mut page, rows);
     }
-    if let Some(cells) = parts.cells {
+    if let Some(cells) = &results.cells {
         bare_motors(&mut page, cells);
     }
-    if let Some(survey) = parts.survey {
+    if let Some(survey) = &results.survey {
         random(&mut page, survey, worst);
     }
     page
 }
 
 /// How many responses settle configured exactly, and not configured.
-fn headline(parts: Parts<'_>) -> String {
-    let mut results = Vec::new();
+fn headline(results: &Results) -> String {
+    let mut settled_of = Vec::new();
     let mut add = |what: &str, verdicts: [Vec<&Verdict>; 2]| {
         let settled = verdicts.each_ref().map(|of| of.iter().filter(|v| v.settling_s.is_some()).count());
         let all = table::grouped(verdicts[0].len());
         let [configured, unknown] = settled.map(table::grouped);
-        results.push(format!("{configured} of {all} {what} (not configured: {unknown})"));
+        settled_of.push(format!("{configured} of {all} {what} (not configured: {unknown})"));
     };
-    if let Some(rows) = parts.reference {
+    if let Some(rows) = &results.reference {
         let rows = || rows.iter().filter(|row| row.figure == Figure::Settling);
         let of = |verdicts: fn(&Row) -> &[Verdict]| rows().flat_map(verdicts).collect();
         add("reference responses", [of(|row| &row.configured), of(|row| &row.unknown)]);
     }
-    if let Some(cells) = parts.cells {
+    if let Some(cells) = &results.cells {
         let of =
             |verdicts: fn(&BareMotor) -> &[[Verdict; 2]]| cells.iter().flat_map(verdicts).flatten().collect();
         add("responses of bare motors", [of(|cell| &cell.configured), of(|cell| &cell.unknown)]);
     }
-    if let Some(Survey { responses, .. }) = parts.survey {
+    if let Some(Survey { responses, .. }) = &results.survey {
         let of = |knowledge| all(responses, knowledge).into_iter().map(|(_, verdict)| verdict).collect();
         add("random responses", [of(Knowledge::Exact), of(Knowledge::Unknown)]);
     }
-    format!("Configured exactly, the hub settles {}.", results.join(", "))
+    format!("Configured exactly, the hub settles {}.", settled_of.join(", "))
 }
 
 /// The tasks of the reference: at 50 ms, then at all periods configured exactly and not configured.

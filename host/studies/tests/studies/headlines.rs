@@ -3,8 +3,7 @@
 
 use crate::{COMPARISON, REFERENCE, report};
 use simulated::scenario::Scenario;
-use studies::survey::Survey;
-use studies::survey::text::{self, Parts};
+use studies::survey::{Results, Survey};
 
 /// A motor with a flywheel.
 fn with(motor: &str) -> Scenario {
@@ -75,11 +74,11 @@ fn a_comparison_begins_with_the_winner_and_fits_a_page() {
 #[test]
 fn a_survey_begins_with_what_settles_and_fits_a_page() {
     let survey = Survey::new(1, 3, &mut |_, _| ()).expect("it runs");
-    let parts = Parts { survey: Some(&survey), reference: Some(&REFERENCE), cells: None };
-    let page = text::page(parts, 2);
     let all = survey.responses.len();
     let settled =
         survey.responses.iter().filter(|response| response.verdicts[0].settling_s.is_some()).count();
+    let results = Results { survey: Some(survey), reference: Some(REFERENCE.clone()), cells: None };
+    let page = results.page(2);
     assert!(page.terminal().starts_with("Configured exactly, the hub settles "), "{}", page.terminal());
     let markdown = page.markdown();
     assert!(
