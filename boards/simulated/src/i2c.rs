@@ -49,46 +49,21 @@ pub(crate) struct I2cDevices {
     pub(crate) imu: Bno055,
     memory: [u8; 256],
     next: u8,
-    faults: [Fault; I2C_BUSES],
-    /// For each bus, true while a device holds SDA low.
-    data_held: [bool; I2C_BUSES],
+    /// Conditions of the buses.
+    pub(crate) faults: [Fault; I2C_BUSES],
 }
 
 impl Default for I2cDevices {
     fn default() -> Self {
-        Self {
-            imu: Bno055::default(),
-            memory: [0; 256],
-            next: 0,
-            faults: [Fault::None; I2C_BUSES],
-            data_held: [false; I2C_BUSES],
-        }
+        Self { imu: Bno055::default(), memory: [0; 256], next: 0, faults: [Fault::None; I2C_BUSES] }
     }
 }
 
 impl I2cDevices {
-    /// Changes the condition of a bus. A device that holds SDA low releases it.
-    pub(crate) fn set_fault(&mut self, bus: usize, fault: Fault) {
-        if let (Some(held), Some(condition)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus)) {
-            (*held, *condition) = (false, fault);
-        }
-    }
-
-    fn fault(&self, bus: usize) -> Fault {
-        self.faults.get(bus).copied().unwrap_or_default()
-    }
-
-    fn hold_data(&mut self, bus: usize) {
-        if let Some(held) = self.data_held.get_mut(bus) {
-            *held = true;
-        }
-    }
-
+    /// Frees a bus whose SDA a device holds low.
     fn free_data(&mut self, bus: usize) {
-        if let (Some(held), Some(fault)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus))
-            && (std::mem::take(held) || *fault == Fault::Interrupted)
-        {
-            *fault = Fault::None;
+        if self.faults[bus] == Fault::Interrupted {
+            self.faults[bus] = Fault::None;
         }
     }
 
@@ -152,11 +127,12 @@ impl ErrorType for SimulatedBus {
 
 impl I2c for SimulatedBus {
     async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
-        match self.board.with_i2c(|devices| devices.fault(self.bus)) {
+        match self.board.with_i2c(|devices| devices.faults[self.bus]) {
             Fault::None => (),
             Fault::NoAcknowledge => return NO_DEVICE,
             Fault::StuckData | Fault::Interrupted => {
-                self.board.with_i2c(|devices| devices.hold_data(self.bus));
+                // From now on a device holds SDA low.
+                self.board.with_i2c(|devices| devices.faults[self.bus] = Fault::Interrupted);
                 return Err(ErrorKind::ArbitrationLoss);
             }
             Fault::StuckClock => return pending().await,
@@ -191,16 +167,13 @@ mod tests {
     #[test]
     fn a_bus_is_freed_from_held_data_only() {
         let mut devices = I2cDevices::default();
-        devices.set_fault(0, Fault::StuckData);
-        devices.hold_data(0);
+        devices.faults[0] = Fault::Interrupted;
         devices.free_data(0);
-        assert_eq!(devices.fault(0), Fault::None);
-        devices.set_fault(0, Fault::StuckData);
-        devices.hold_data(0);
-        for lasting in [Fault::StuckClock, Fault::NoAcknowledge, Fault::Stretching] {
-            devices.set_fault(0, lasting);
+        assert_eq!(devices.faults[0], Fault::None);
+        for lasting in [Fault::StuckData, Fault::StuckClock, Fault::NoAcknowledge, Fault::Stretching] {
+            devices.faults[0] = lasting;
             devices.free_data(0);
-            assert_eq!(devices.fault(0), lasting);
+            assert_eq!(devices.faults[0], lasting);
         }
     }
 }

@@ -189,9 +189,11 @@ impl Board {
                 self.press(pin, low_pins.iter().any(|low| low.get() == pin));
             }
         }
-        for (bus, fault) in change.i2c_faults.iter().enumerate() {
-            self.with_i2c(|devices| devices.set_fault(bus, *fault));
-        }
+        self.with_i2c(|devices| {
+            for (fault, changed) in devices.faults.iter_mut().zip(&change.i2c_faults) {
+                *fault = *changed;
+            }
+        });
     }
 
     /// Changes a motor's plant, from now on.
