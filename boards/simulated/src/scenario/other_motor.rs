@@ -5,32 +5,11 @@ use motor_hub::model::train::Train;
 use motor_hub::model::{catalogue, si};
 use motor_hub::motor::{Setpoint, ThermalLimit};
 use motor_hub::units::{Acceleration, CountsPerSecond, Milliamperes};
+use std::f64::consts::TAU;
 use std::num::NonZeroU16;
 
-/// What a motor can do at 12 V.
-struct Reach {
-    /// Free speed in counts per second.
-    free_cps: f64,
-    /// Free speed of the output shaft in rad/s.
-    free_after: f64,
-    /// Stall torque of the output shaft in newton metres.
-    stall_after: f64,
-    /// Stall current in amperes.
-    stall_a: f64,
-}
-
-impl Reach {
-    fn of(motor: &catalogue::Motor) -> Self {
-        let (ke, kt) = (motor.ke.0, motor.kt.0);
-        let free = 12.0 * kt / (motor.r.0 * motor.b.0 + ke * kt);
-        Self {
-            free_cps: free * motor.counts_per_rev_motor / std::f64::consts::TAU,
-            free_after: free / motor.gear_ratio,
-            stall_after: 12.0 / motor.r.0 * kt * motor.gear_ratio * motor.eta,
-            stall_a: 12.0 / motor.r.0,
-        }
-    }
-}
+/// Voltage at which the motors are compared.
+const VOLTS: si::Volts = si::Volts(12.0);
 
 impl Motor {
     /// Returns the same task for another motor. Speeds and positions scale with the free speeds; torques, friction and
@@ -39,20 +18,20 @@ impl Motor {
     /// the other motor.
     #[must_use]
     pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
-        let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));
-        let counts = new.free_cps / old.free_cps;
-        let torque = new.stall_after / old.stall_after;
-        let angle = new.free_after / old.free_after;
-        let load = torque * old.free_after / new.free_after;
-        let current = new.stall_a / old.stall_a;
-        let mut motor = Self { constants, velocity: None, position: None, ..self.clone() };
-        let [was, is] = [&self.constants, &constants].map(|motor| motor.stall_torque(si::Volts(12.0)).0);
-        (motor.constants.friction, motor.constants.cogging) =
-            (self.constants.friction, self.constants.cogging);
-        let catalogue::Motor { friction, cogging, .. } = &mut motor.constants;
+        let ratio = |of: fn(&catalogue::Motor) -> f64| of(&constants) / of(&self.constants);
+        let motor_torque = ratio(|motor| motor.stall_torque(VOLTS).0);
+        let current = ratio(|motor| VOLTS.0 / motor.r.0);
+        let torque = ratio(|motor| VOLTS.0 / motor.r.0 * motor.kt.0 * motor.gear_ratio * motor.eta);
+        let counts = ratio(|motor| motor.free_speed(VOLTS).0 * motor.counts_per_rev_motor / TAU);
+        let free_after = |motor: &catalogue::Motor| motor.free_speed(VOLTS).0 / motor.gear_ratio;
+        let angle = free_after(&constants) / free_after(&self.constants);
+        let load = torque * free_after(&self.constants) / free_after(&constants);
+        let catalogue::Motor { mut friction, mut cogging, .. } = self.constants;
         for part in [&mut friction.coulomb, &mut friction.breakaway, &mut cogging.amplitude] {
-            part.0 *= is / was;
+            part.0 *= motor_torque;
         }
+        let constants = catalogue::Motor { friction, cogging, ..constants };
+        let mut motor = Self { constants, velocity: None, position: None, ..self.clone() };
         motor.load.inertia_after = si::KgM2(self.load.inertia_after.0 * load);
         motor.load.drag_after = si::Drag(self.load.drag_after.0 * load);
         if let Some(Train { backlash_after, stiffness_after, damping_after }) = &mut motor.train {
