@@ -27,7 +27,7 @@ use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
 pub use numbers::LONGEST_S;
-pub use types::{Attached, Bus, Configuration, Group, Motor, Scenario, Timed, UNLIMITED};
+pub use types::{Attached, Bus, Configuration, Group, Motor, Scenario, Timed};
 
 /// Dry friction of the motors of the served scenario, in percent of their stall torque at 12 V.
 const SERVED_FRICTION_PERCENT: f64 = 6.0;

@@ -111,7 +111,7 @@ pub(crate) fn tasks<'a>(
     health: &'a Health,
 ) -> Result<impl Future + use<'a>, RunError> {
     let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
-    let supply = Supply::new(scenario.limits);
+    let supply = Supply::new(scenario.limits());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         let bridges = tasks::bridges::run(board.clone(), board.clone(), wires, health);

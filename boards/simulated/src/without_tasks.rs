@@ -55,7 +55,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     }
     let mut board = Board::new(scenario);
     let mut hub = Hub::new(sim::all_settings(&scenario.motors)?, scenario.period);
-    let mut supply = Supply::new(scenario.limits);
+    let mut supply = Supply::new(scenario.limits());
     let mut commands = scenario.commands().into_iter().peekable();
     let mut waiting = Vec::new();
     let mut trackers = [Tracker::default(); MOTORS];

@@ -12,7 +12,7 @@ use motor_hub::protocol::frame::Decoder;
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::ToHub;
 use motor_hub::units::{Micros, Period};
-use simulated::scenario::{Scenario, Timed, UNLIMITED};
+use simulated::scenario::{Scenario, Timed};
 use simulated::serve::Line;
 
 /// Returns a scenario of a motor without a load. `parts` are lines of the table `motors`, and further tables.
@@ -51,7 +51,7 @@ fn a_part_that_the_emulated_board_lacks_is_refused_by_name() {
     ] {
         expect_refusal(&scenario(parts), name);
     }
-    expect_refusal(&Scenario { limits: UNLIMITED, ..scenario("") }, "battery.unlimited");
+    expect_refusal(&Scenario { unlimited: true, ..scenario("") }, "battery.unlimited");
 }
 
 #[test]

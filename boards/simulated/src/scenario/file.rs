@@ -7,10 +7,9 @@ mod motors;
 
 use super::error::{At, Checked, Fault};
 use super::numbers::{
-    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Duration, Name, PeriodMs, PinNumber, Seed, or,
-    out_of_range,
+    AnalogVoltage, BatteryEmf, BatteryResistance, Duration, Name, PeriodMs, PinNumber, Seed, or, out_of_range,
 };
-use super::types::{Attached, Bus, Group, Scenario, Timed, UNLIMITED};
+use super::types::{Attached, Bus, Group, Scenario, Timed};
 use crate::bno055::GyroErrors;
 use crate::ground::Floor;
 use crate::hardware::MOTORS;
@@ -20,11 +19,9 @@ use groups::GroupTable;
 use motor_hub::board::{ANALOG_INPUTS, I2C_BUSES};
 use motor_hub::model::{battery::Battery, si};
 use motor_hub::protocol::pins::Pin;
-use motor_hub::supply::{Levels, Limits};
-use motor_hub::units::{Millivolts, Period};
+use motor_hub::units::Period;
 use motors::MotorTable;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 use std::collections::BTreeSet;
 use toml::Spanned;
 
@@ -37,7 +34,7 @@ struct File {
     seed: Option<Seed>,
     emulated: Option<Spanned<bool>>,
     battery: BatteryTable,
-    bus: Option<Spanned<BusTable>>,
+    bus: Option<Spanned<Bus>>,
     attached: Option<Spanned<AttachedTable>>,
     #[serde(default)]
     floor: Floor,
@@ -66,17 +63,6 @@ struct BatteryTable {
 struct EmfTable {
     at_s: f64,
     emf_v: BatteryEmf,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BusTable {
-    capacitance_f: Capacitance,
-    #[serde(default)]
-    one_way: bool,
-    opens_at_s: Option<f64>,
-    #[serde(default, rename = "burn_between_v", deserialize_with = "burn_between_v")]
-    limits: Limits,
 }
 
 #[derive(Default, Deserialize)]
@@ -117,8 +103,13 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     for table in &file.expect {
         expectations.extend(table.get_ref().check(&motors, &groups, duration_s).at(table)?);
     }
-    let (bus, limits) = file.bus()?;
-    let BatteryTable { emf_v, resistance_ohm, emf_over_time, .. } = &file.battery;
+    if let Some(bus) = &file.bus {
+        if file.battery.unlimited {
+            return Err("a bus needs a battery with limits; remove unlimited").at(bus);
+        }
+        check_time("opens_at_s", bus.get_ref().opens_at_s, duration_s).at(bus)?;
+    }
+    let BatteryTable { emf_v, resistance_ohm, unlimited, emf_over_time } = &file.battery;
     let (attached, attached_over_time) = match &file.attached {
         Some(table) => table.get_ref().check(duration_s).at(table)?,
         None => Default::default(),
@@ -129,8 +120,8 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         period: file.control_period_ms.and_then(|ms| Period::from_millis(ms.0).ok()).unwrap_or_default(),
         seed: or(file.seed, 1_u32).into(),
         battery: Battery { emf: si::Volts(emf_v.0), resistance: si::Ohms(resistance_ohm.0) },
-        bus,
-        limits,
+        bus: file.bus.map(Spanned::into_inner),
+        unlimited: *unlimited,
         emf_over_time: timeline(emf_over_time, duration_s, |entry| (entry.at_s, Ok(entry.emf_v.0)))?,
         motors,
         groups,
@@ -151,20 +142,6 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
 }
 
 impl File {
-    /// The bus, and the hub's limits of the supply voltage.
-    fn bus(&self) -> Checked<(Option<Bus>, Limits)> {
-        let unlimited = self.battery.unlimited;
-        let Some(table) = &self.bus else {
-            return Ok((None, if unlimited { UNLIMITED } else { Limits::TWELVE_VOLTS }));
-        };
-        if unlimited {
-            return Err("a bus needs a battery with limits; remove unlimited").at(table);
-        }
-        let &BusTable { capacitance_f, one_way, opens_at_s, limits } = table.get_ref();
-        check_time("opens_at_s", opens_at_s, self.duration_s.0).at(table)?;
-        Ok((Some(Bus { capacitance_f: capacitance_f.0, one_way, opens_at_s }), limits))
-    }
-
     /// Checks that all bases with a gyro are alike, because the hub has one drive base.
     fn check_gyro_bases(&self, groups: &[Group]) -> Checked<()> {
         let mut with_gyro = self.groups.iter().zip(groups).filter(|(_, group)| group.use_gyro);
@@ -189,23 +166,6 @@ impl File {
         }
         Ok(())
     }
-}
-
-/// Reads the voltages between which the hub dissipates energy.
-fn burn_between_v<'de, D: Deserializer<'de>>(from: D) -> Result<Limits, D::Error> {
-    let between = <[f64; 2]>::deserialize(from)?;
-    let usual = Limits::TWELVE_VOLTS.levels();
-    let limits = match between.map(Millivolts::from_volts) {
-        [Ok(dissipate), Ok(ceiling)] => Limits::new(Levels { dissipate, ceiling, ..usual }).ok(),
-        _ => None,
-    };
-    limits.ok_or_else(|| {
-        Error::custom(format!(
-            "= {between:?} is out of range; it needs [low, high] with low above {} V, below high, and high up to {} V",
-            usual.recover.to_volts(),
-            usual.max.to_volts()
-        ))
-    })
 }
 
 impl AttachedTable {

@@ -1,7 +1,7 @@
 //! Types of a checked scenario.
 
 use super::expectation::Expectation;
-use super::numbers::{DragFactor, Factor, within};
+use super::numbers::{Capacitance, DragFactor, Factor, within};
 use crate::bno055::GyroErrors;
 use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
@@ -23,11 +23,12 @@ use motor_hub::protocol::pins::Pin;
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::num::NonZeroU16;
 
 /// Limits that never act: the hub accepts any battery from 5 to 18 V, and dissipates no energy.
-pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
+const UNLIMITED: Limits = constant!(Limits::new(Levels {
     min: Millivolts::new(5_000),
     cutoff: Millivolts::new(5_000),
     derate: Millivolts::new(5_001),
@@ -52,8 +53,8 @@ pub struct Scenario {
     pub battery: Battery,
     /// The bus between battery and bridges; `None` if the bridges are connected to the battery directly.
     pub bus: Option<Bus>,
-    /// The hub's limits of the supply voltage.
-    pub limits: Limits,
+    /// True if the hub's limits of the supply voltage never act, which is allowed without a bus only.
+    pub unlimited: bool,
     /// Voltage of the battery without load in volts, at ascending times. Between two times the voltage is interpolated
     /// linearly. After the last time it stays constant.
     pub emf_over_time: Vec<Timed<f64>>,
@@ -90,14 +91,37 @@ pub struct Attached {
 }
 
 /// The bus of a scenario.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Bus {
     /// Capacitance in farads.
+    #[serde(deserialize_with = "within::<Capacitance, _, _>")]
     pub capacitance_f: f64,
     /// True if the battery gives current and accepts none.
+    #[serde(default)]
     pub one_way: bool,
     /// Time at which a contactor disconnects the battery, in seconds since the start; `None` for never.
     pub opens_at_s: Option<f64>,
+    /// The hub's limits of the supply voltage.
+    #[serde(default, rename = "burn_between_v", deserialize_with = "burn_between_v")]
+    pub limits: Limits,
+}
+
+/// Reads the voltages between which the hub dissipates energy.
+fn burn_between_v<'de, D: Deserializer<'de>>(from: D) -> Result<Limits, D::Error> {
+    let between = <[f64; 2]>::deserialize(from)?;
+    let usual = Limits::TWELVE_VOLTS.levels();
+    let limits = match between.map(Millivolts::from_volts) {
+        [Ok(dissipate), Ok(ceiling)] => Limits::new(Levels { dissipate, ceiling, ..usual }).ok(),
+        _ => None,
+    };
+    limits.ok_or_else(|| {
+        Error::custom(format!(
+            "= {between:?} is out of range; it needs [low, high] with low above {} V, below high, and high up to {} V",
+            usual.recover.to_volts(),
+            usual.max.to_volts()
+        ))
+    })
 }
 
 /// One motor of a scenario.
@@ -239,7 +263,7 @@ impl Scenario {
             seed: 1,
             battery,
             bus: None,
-            limits: Limits::TWELVE_VOLTS,
+            unlimited: false,
             emf_over_time: Vec::new(),
             motors,
             groups: Vec::new(),
@@ -259,7 +283,7 @@ impl Scenario {
         let is_attached = self.attached != Attached::default() || !self.attached_over_time.is_empty();
         let parts = [
             ("a bus ([bus])", self.bus.is_some()),
-            ("other limits of the supply voltage (battery.unlimited)", self.limits != Limits::TWELVE_VOLTS),
+            ("other limits of the supply voltage (battery.unlimited)", self.limits() != Limits::TWELVE_VOLTS),
             ("a connection of a pin or an I2C bus ([attached])", is_attached),
             ("a floor ([floor])", self.floor != Floor::default()),
             ("an error of a gyro ([gyro])", self.gyro != GyroErrors::default()),
@@ -273,6 +297,12 @@ impl Scenario {
     /// a chip do not show the references of a group.
     pub fn not_replayed(&self) -> impl Iterator<Item = &'static str> {
         (!self.groups.is_empty()).then_some("a group ([[groups]])").into_iter().chain(self.not_emulated())
+    }
+
+    /// The hub's limits of the supply voltage.
+    pub fn limits(&self) -> Limits {
+        let usual = if self.unlimited { UNLIMITED } else { Limits::TWELVE_VOLTS };
+        self.bus.map_or(usual, |bus| bus.limits)
     }
 
     /// Voltage of the battery without load at a time in seconds.

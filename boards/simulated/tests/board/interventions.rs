@@ -5,6 +5,7 @@ use motor_hub::extension::Request;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::payload::Field;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, ToHub};
+use motor_hub::supply::Limits;
 use simulated::encoder::{Encoder, Wire as EncoderWire};
 use simulated::scenario::{Attached, Bus, Scenario, Timed};
 use simulated::serve::interventions::{Interventions, OnMotor};
@@ -39,7 +40,8 @@ fn a_loose_encoder_of_an_intervention_loses_counts() {
 #[test]
 fn a_restart_closes_the_contactor_and_disconnects_what_was_not_connected_at_the_start() {
     let mut scenario = Scenario::to_serve();
-    scenario.bus = Some(Bus { capacitance_f: 0.001, one_way: false, opens_at_s: Some(0.5) });
+    scenario.bus =
+        Some(Bus { capacitance_f: 0.001, one_way: false, opens_at_s: Some(0.5), limits: Limits::default() });
     let attached = Attached { analog_v: vec![2.0], ..Attached::default() };
     scenario.attached_over_time = vec![Timed { at_s: 0.5, value: attached }];
     let lower = Interventions { emf_v: Some(9.0), ..Interventions::default() };

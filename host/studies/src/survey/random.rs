@@ -8,7 +8,7 @@ use motor_hub::model::catalogue::{self, motors};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
 use motor_hub::units::{CountsPerSecond, Period};
-use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// Largest time constant of a motor with its load, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
@@ -49,7 +49,7 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
     // Only regulation is judged. Therefore the supply's limits never act, and the battery accepts returned energy.
-    Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
+    Scenario { period, seed: index, unlimited: true, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
 /// Gives some of the motors Coulomb friction. The random numbers are from a generator of their own, so that the rest of

@@ -4,7 +4,7 @@ use super::friction_percent;
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use serde_json::{Value, json};
-use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
+use simulated::scenario::{Motor, Scenario, Timed};
 use simulated::scheme::SchemeWords;
 
 /// A random scenario in TOML. Parts that random scenarios do not have are left out.
@@ -18,7 +18,7 @@ pub fn toml(scenario: &Scenario) -> String {
         "battery": {
             "emf_v": battery.emf.0,
             "resistance_ohm": battery.resistance.0,
-            "unlimited": scenario.limits == UNLIMITED,
+            "unlimited": scenario.unlimited,
         },
         "motors": motors.iter().map(table).collect::<Vec<Value>>(),
     });

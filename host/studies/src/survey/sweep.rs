@@ -13,7 +13,7 @@ use motor_hub::model::si::{KgM2, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
-use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// Voltages of the battery without load, in volts.
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
@@ -41,7 +41,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 let battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
                 let period = Period::from_millis(period_ms).unwrap_or_default();
                 let scenario = Scenario::new("sweep", DURATION_S, battery, motors);
-                all.push((Scenario { period, limits: UNLIMITED, ..scenario }, knowledge));
+                all.push((Scenario { period, unlimited: true, ..scenario }, knowledge));
             }
         }
     }
