@@ -2,9 +2,7 @@
 //!
 //! ```no_run
 //! use emulated::{Board, serve};
-//! use simulated::serve::Line;
-//!
-//! let line = Line::tcp("127.0.0.1:7070")?;
+//! let line = simulated::serve::tcp("127.0.0.1:7070")?;
 //! serve::run(&serve::scenario()?, Board::NucleoF429zi, false, line, &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -60,7 +58,7 @@ pub fn run(
     scenario: &Scenario,
     board: Board,
     bootloader: bool,
-    mut line: Line,
+    mut line: Box<dyn Line>,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
     check(scenario, scenario.not_emulated().next())?;

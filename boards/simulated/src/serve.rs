@@ -11,7 +11,7 @@
 //! use simulated::serve::{self, Hubs};
 //!
 //! // The hub is served until the process ends. `motor-hub client --tcp 127.0.0.1:7070 status` finds the hub.
-//! let line = serve::Line::tcp("127.0.0.1:7070")?;
+//! let line = serve::tcp("127.0.0.1:7070")?;
 //! let hubs = Hubs::one(Address::DEFAULT);
 //! serve::run(&Scenario::default_one()?, &hubs, line, None, &mut |_| (), &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -28,7 +28,7 @@ mod wire;
 
 pub use chain_line::{ChainLine, LineFault};
 use interventions::Interventions;
-pub use line::{Line, LineError};
+pub use line::{Line, LineError, pty, tcp, within_process};
 pub use memory::{Memory, MemoryError};
 pub use wire::Wire;
 
@@ -147,7 +147,7 @@ impl Hubs {
 pub fn run(
     scenario: &Scenario,
     hubs: &Hubs,
-    line: Line,
+    line: Box<dyn Line>,
     memory: Option<Memory>,
     intervene: &mut dyn FnMut(&mut Interventions),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
@@ -233,7 +233,7 @@ impl Served {
 pub async fn steps(
     scenario: &Scenario,
     hubs: &Hubs,
-    line: Line,
+    line: Box<dyn Line>,
     mut memory: Option<Memory>,
     intervene: &mut dyn FnMut(&mut Interventions),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
@@ -314,7 +314,7 @@ pub async fn steps(
 #[derive(Clone, Copy)]
 struct End<'a> {
     /// `None` for a hub without a host.
-    line: Option<&'a RefCell<Line>>,
+    line: Option<&'a RefCell<Box<dyn Line>>>,
     /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step
     /// from ending.
     left: &'a Cell<usize>,

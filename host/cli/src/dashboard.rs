@@ -160,7 +160,7 @@ fn simulate(
     };
     // The served default scenario has no set-points to play.
     let script = file.and_then(|_| Script::of(&scenario));
-    let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
+    let line = serve::tcp("127.0.0.1:0").map_err(Failure::work)?;
     let place = line.to_string();
     let world = World::default();
     let (changes, stop) = (world.clone(), Arc::clone(stop));

@@ -171,7 +171,7 @@ impl Serving {
     fn execute<E: std::error::Error>(
         self,
         default: impl FnOnce() -> Result<Scenario, ScenarioError>,
-        run: impl FnOnce(&Scenario, Line, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<(), E>,
+        run: impl FnOnce(&Scenario, Box<dyn Line>, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<(), E>,
     ) -> Result<(), Failure> {
         let scenario = match &self.scenario {
             Some(file) => Scenario::load_for_a_host(file),
@@ -179,8 +179,8 @@ impl Serving {
         };
         let scenario = Scenario { wire: self.wire, ..scenario.map_err(Failure::input)? };
         let line = match &self.place.tcp {
-            Some(address) => Line::tcp(address).map_err(Failure::input)?,
-            None => Line::pty().map_err(no_pty)?,
+            Some(address) => serve::tcp(address).map_err(Failure::input)?,
+            None => serve::pty().map_err(no_pty)?,
         };
         let mut place = Some(format!("{line}\n"));
         #[cfg(unix)]
@@ -192,7 +192,7 @@ impl Serving {
             None => None,
         };
         #[cfg(unix)]
-        let (named, mut note) = (self.named(&line)?, None::<Option<ServedHubFile>>);
+        let (named, mut note) = (self.named(&*line)?, None::<Option<ServedHubFile>>);
         let stopped = stop_flag()?;
         let mut notices = Notices::default();
         let mut printed = Ok(());
@@ -228,7 +228,7 @@ impl Serving {
 
     /// Returns the place by which hosts on this machine open the hub from any working directory.
     #[cfg(unix)]
-    fn named(&self, line: &Line) -> Result<String, Failure> {
+    fn named(&self, line: &dyn Line) -> Result<String, Failure> {
         if let Some(link) = &self.link {
             let path = std::path::absolute(link).map_err(Failure::input)?;
             return Ok(path.display().to_string());

@@ -16,7 +16,7 @@ use std::time::Instant;
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_goes_on() {
-    let line = serve::Line::tcp("127.0.0.1:0").unwrap();
+    let line = serve::tcp("127.0.0.1:0").unwrap();
     let place = line.to_string();
     let cut = Arc::new(AtomicBool::new(false));
     let is_cut = Arc::clone(&cut);

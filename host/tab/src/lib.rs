@@ -139,7 +139,7 @@ struct Simulation {
 
 impl Simulation {
     fn new(world: World) -> Self {
-        let (line, host) = serve::Line::within_process();
+        let (line, host) = serve::within_process();
         let hub = async move {
             let scenario = Scenario::to_serve();
             let mut change = |now: &mut _| *now = world.interventions();

@@ -13,7 +13,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::ToHub;
 use motor_hub::units::{Micros, Period};
 use simulated::scenario::{Scenario, Timed};
-use simulated::serve::Line;
+use simulated::serve::within_process;
 
 /// Returns a scenario of a motor without a load. `parts` are lines of the table `motors`, and further tables.
 fn scenario(parts: &str) -> Scenario {
@@ -27,7 +27,7 @@ fn scenario(parts: &str) -> Scenario {
 
 /// Returns the text with which a scenario is refused when it is served.
 fn refused_when_served(scenario: &Scenario) -> String {
-    let (line, _) = Line::within_process();
+    let (line, _) = within_process();
     let result = serve::run(scenario, board(), false, line, &mut |_| false);
     result.err().map(|error| error.to_string()).unwrap_or_default()
 }
@@ -64,7 +64,7 @@ fn a_scenario_with_another_control_period_is_refused() {
 
 /// Serves a scenario for 0.9 s. Returns the battery's voltage, and the answer to a bulk read after 0.7 s.
 fn serve_for_a_bulk_read(scenario: &Scenario) -> (String, Bulk) {
-    let (line, mut host) = Line::within_process();
+    let (line, mut host) = within_process();
     let bulk = Request::from(ToHub::Bulk);
     let (mut battery, mut is_asked) = (String::new(), false);
     let served = serve::run(scenario, board(), false, line, &mut |moment| {

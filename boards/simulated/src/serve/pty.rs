@@ -1,12 +1,13 @@
 //! A pseudo-terminal: one end for the hub, and a path in `/dev` that hosts open as a serial port.
 
-use super::line::HostLine;
+use super::line::Line;
 #[cfg(target_os = "linux")]
 use rustix::fs::inotify;
 use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{self, OptionalActions};
+use std::fmt::{self, Display, Formatter};
 #[cfg(target_os = "linux")]
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
@@ -92,7 +93,7 @@ impl Pty {
     }
 }
 
-impl HostLine for Pty {
+impl Line for Pty {
     fn receive(&mut self, bytes: &mut [u8]) -> usize {
         self.note_opened_or_closed();
         // A host that was killed while it had exclusive use of the port would lock out the next host.
@@ -127,9 +128,11 @@ impl HostLine for Pty {
         }
         sent
     }
+}
 
-    fn address(&self) -> String {
-        self.path.clone()
+impl Display for Pty {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.path)
     }
 }
 

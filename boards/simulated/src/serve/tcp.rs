@@ -1,7 +1,8 @@
 //! A TCP port with one host at a time.
 
-use super::line::HostLine;
+use super::line::Line;
 use std::collections::VecDeque;
+use std::fmt::{self, Display, Formatter};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};
@@ -113,7 +114,7 @@ impl Tcp {
     }
 }
 
-impl HostLine for Tcp {
+impl Line for Tcp {
     fn receive(&mut self, bytes: &mut [u8]) -> usize {
         if self.host.is_none() {
             self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
@@ -151,9 +152,14 @@ impl HostLine for Tcp {
     fn rejected_hosts(&self) -> u32 {
         self.rejected_hosts
     }
+}
 
-    fn address(&self) -> String {
-        self.listener.local_addr().map_or_else(|error| error.to_string(), |address| address.to_string())
+impl Display for Tcp {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self.listener.local_addr() {
+            Ok(address) => address.fmt(f),
+            Err(error) => error.fmt(f),
+        }
     }
 }
 

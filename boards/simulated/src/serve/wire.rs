@@ -1,7 +1,8 @@
 //! A line within this process.
 
-use super::line::HostLine;
+use super::line::Line;
 use std::collections::VecDeque;
+use std::fmt::{self, Display, Formatter};
 use std::io::{ErrorKind, Read, Result, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -49,7 +50,7 @@ impl Write for Wire {
     }
 }
 
-impl HostLine for Wire {
+impl Line for Wire {
     fn receive(&mut self, bytes: &mut [u8]) -> usize {
         self.read(bytes).unwrap_or(0)
     }
@@ -61,8 +62,10 @@ impl HostLine for Wire {
     fn is_taken(&self) -> bool {
         true
     }
+}
 
-    fn address(&self) -> String {
-        "within this process".to_owned()
+impl Display for Wire {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str("within this process")
     }
 }

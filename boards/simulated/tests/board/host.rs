@@ -8,7 +8,7 @@ use motor_hub::protocol::{Address, Decoder, Packet, Reply, frame};
 use motor_hub::units::{Control, Micros};
 use simulated::scenario::Scenario;
 use simulated::serve::interventions::Interventions;
-use simulated::serve::{self, ChainLine, Hubs, Line, Wire};
+use simulated::serve::{self, ChainLine, Hubs, Wire};
 use std::future::Future;
 use std::io::{Read, Write};
 use std::pin::Pin;
@@ -36,7 +36,7 @@ impl Served {
         let clock = crate::CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         let addresses = addresses.iter().map(|&address| Address::new(address).expect("1 to 254")).collect();
         let hubs = Hubs::chain(addresses);
-        let (line, (end, host)) = (hubs.line.clone(), Line::within_process());
+        let (line, (end, host)) = (hubs.line.clone(), serve::within_process());
         let mut ms = 0;
         let mut intervene = move |now: &mut _| {
             *now = interventions(ms);
