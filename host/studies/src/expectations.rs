@@ -189,34 +189,8 @@ impl Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { subject, window_s, expected, measured } = self;
-        let Range { start, end } = window_s;
-        write!(f, "{subject}, {start} to {end} s: expected {}, measured {measured}", Wanted(*expected))
-    }
-}
-
-/// An expectation in words.
-pub struct Wanted(pub Expected);
-
-impl fmt::Display for Wanted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Expected::Quantity(quantity, [low, high]) => match quantity {
-                Quantity::SettlingTime => write!(f, "settles within {high} s"),
-                Quantity::Overshoot => write!(f, "overshoot at most {high} %"),
-                Quantity::Speed => write!(f, "speed {low} to {high} counts/s"),
-                Quantity::Position => write!(f, "position {low} to {high} counts"),
-                Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
-                Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
-                Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
-                Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
-                Quantity::Bus => write!(f, "bus {low} to {high} V"),
-            },
-            Expected::Ever(regime) => write!(f, "{} at times", regime_name(regime)),
-            Expected::Never(regime) => write!(f, "never {}", regime_name(regime)),
-            Expected::Fault(None) => f.write_str("no fault"),
-            Expected::Fault(Some(fault)) => write!(f, "fault: {}", fault.word().unwrap_or_default()),
-        }
+        let Self { subject, window_s: Range { start, end }, expected, measured } = self;
+        write!(f, "{subject}, {start} to {end} s: expected {expected}, measured {measured}")
     }
 }
 

@@ -8,6 +8,7 @@
 
 use motor_hub::braking::Regime;
 use motor_hub::record::Fault;
+use std::fmt;
 use std::ops::Range;
 
 /// One expectation of a run.
@@ -43,6 +44,29 @@ pub enum Expected {
     Never(Option<Regime>),
     /// This fault and no other fault occurs. `None` means that no fault occurs.
     Fault(Option<Fault>),
+}
+
+impl fmt::Display for Expected {
+    /// Writes the expectation in words.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Quantity(quantity, [low, high]) => match quantity {
+                Quantity::SettlingTime => write!(f, "settles within {high} s"),
+                Quantity::Overshoot => write!(f, "overshoot at most {high} %"),
+                Quantity::Speed => write!(f, "speed {low} to {high} counts/s"),
+                Quantity::Position => write!(f, "position {low} to {high} counts"),
+                Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
+                Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
+                Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
+                Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
+                Quantity::Bus => write!(f, "bus {low} to {high} V"),
+            },
+            Self::Ever(regime) => write!(f, "{} at times", regime_name(regime)),
+            Self::Never(regime) => write!(f, "never {}", regime_name(regime)),
+            Self::Fault(None) => f.write_str("no fault"),
+            Self::Fault(Some(fault)) => write!(f, "fault: {}", fault.word().unwrap_or_default()),
+        }
+    }
 }
 
 /// A measured quantity of a run.

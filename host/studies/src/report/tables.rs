@@ -1,7 +1,7 @@
 //! A table of each motor with both runs.
 
 use super::{RunReport, WITHOUT};
-use crate::expectations::{Verdict, Wanted};
+use crate::expectations::Verdict;
 use crate::measures::{Measures, Response};
 use crate::settling;
 use crate::table::{self, Table};
@@ -48,13 +48,7 @@ fn expectations(verdicts: &[Verdict]) -> String {
         let Verdict { subject, window_s, expected, measured } = verdict;
         let window = format!("{} to {}", window_s.start, window_s.end);
         let met = if verdict.met() { "met" } else { "NOT MET" };
-        table.add_row([
-            subject.clone(),
-            window,
-            Wanted(*expected).to_string(),
-            measured.to_string(),
-            met.to_owned(),
-        ]);
+        table.add_row([subject.clone(), window, expected.to_string(), measured.to_string(), met.to_owned()]);
     }
     table.to_string()
 }
