@@ -19,10 +19,9 @@ pub(crate) mod numbers;
 mod other_motor;
 mod types;
 
-use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, Volts};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
@@ -88,8 +87,10 @@ impl Scenario {
             ("arm", "AM 40 C", 0.02, 0.005),
             ("fan", "AM 3.7 B", 0.0004, 0.0005),
         ];
-        let battery = Battery { emf: Volts(12.6), resistance: Ohms(0.05) };
-        Self::new("Four motors", LONGEST_S, battery, motors.into_iter().filter_map(served).collect())
+        let motors = motors.into_iter().filter_map(served).collect();
+        let mut scenario = Self::new("Four motors", LONGEST_S, motors);
+        scenario.battery.emf = Volts(12.6);
+        scenario
     }
 
     /// The default scenario, which is part of the program.

@@ -10,10 +10,9 @@ use crate::StudyError;
 use crate::page::Page;
 use crate::table;
 use motor_hub::group::{Course, DriveBase, GroupCommand, Pose};
-use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{KgM2, Ohms, Volts};
+use motor_hub::model::si::KgM2;
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use simulated::bno055::GyroErrors;
 use simulated::ground::Floor;
@@ -110,7 +109,6 @@ fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyErr
         }
     }
     let motor = characterised("NeveRest 60")?.with_measured_rotor_inertia();
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
     let group = Group {
         label: "base".into(),
         motors: vec![0, 1],
@@ -122,7 +120,7 @@ fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyErr
         floor: FLOOR,
         gyro: gyro.map(|gyro| gyro.errors).unwrap_or_default(),
         groups: vec![group],
-        ..Scenario::new("square", at_s, battery, vec![Motor::new(motor, WHEEL); 2])
+        ..Scenario::new("square", at_s, vec![Motor::new(motor, WHEEL); 2])
     };
     let trace = sim::run(&scenario, &mut |_| ())?;
     let end = trace.ticks.last().ok_or(StudyError::NoEvent)?;

@@ -254,14 +254,14 @@ pub struct Timed<T> {
 
 impl Scenario {
     /// Creates a scenario of these motors without expectations. It takes `duration_s` seconds, with a control period of
-    /// 50 ms and a constant battery.
-    pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
+    /// 50 ms and a constant battery of 12 V with 0.05 ohms.
+    pub fn new(name: &str, duration_s: f64, motors: Vec<Motor>) -> Self {
         Self {
             name: name.to_owned(),
             duration_s,
             period: Period::DEFAULT,
             seed: 1,
-            battery,
+            battery: Battery { emf: si::Volts(12.0), resistance: si::Ohms(0.05) },
             bus: None,
             unlimited: false,
             emf_over_time: Vec::new(),

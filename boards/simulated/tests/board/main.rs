@@ -1,10 +1,8 @@
 //! Tests of the simulated board.
 
 use motor_hub::bridge::BridgeConstants;
-use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Ohms, Volts};
 use simulated::scenario::{Motor, Scenario};
 use simulated::sim;
 use simulated::trace::Trace;
@@ -29,9 +27,8 @@ mod world;
 /// A scenario of a NeveRest 60 without load on each of these bridges.
 fn scenario(bridges: &[BridgeConstants]) -> Scenario {
     let motor = characterised("NeveRest 60").expect("known").with_measured_rotor_inertia();
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
     let motors = bridges.iter().map(|&bridge| Motor { bridge, ..Motor::new(motor, Load::NONE) });
-    Scenario::new("board", 1.0, battery, motors.collect())
+    Scenario::new("board", 1.0, motors.collect())
 }
 
 fn board(bridges: &[BridgeConstants]) -> Board {

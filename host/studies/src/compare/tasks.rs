@@ -86,8 +86,7 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
     let mut motor = Motor::new(constants, Load::flywheel(Kilograms(10.0), Metres(0.1)));
     motor.setpoints = speeds.iter().map(speed).collect();
     motor.torques.extend(torques.iter().map(torque));
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    Ok(Scenario::new("comparison", LENGTH_S, battery, vec![motor]))
+    Ok(Scenario::new("comparison", LENGTH_S, vec![motor]))
 }
 
 fn sagging() -> Result<Scenario, UnknownMotor> {

@@ -5,10 +5,8 @@ use super::responses::{Verdict, judge, watch};
 use super::time_constant;
 use crate::settling::changes;
 use crate::{StudyError, position, velocity};
-use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed};
@@ -83,8 +81,7 @@ fn scenario(constants: catalogue::Motor, by_speed: bool) -> Scenario {
     let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;
     let setpoints = vec![Timed { at_s: 0.0, value: value(0.5) }, Timed { at_s: length, value: value(0.1) }];
     let motor = Motor { setpoints, ..Motor::new(constants, Load::NONE) };
-    let battery = Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) };
-    Scenario::new("cell", 2.0 * length, battery, vec![motor])
+    Scenario::new("cell", 2.0 * length, vec![motor])
 }
 
 fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {

@@ -49,7 +49,8 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
     // Only regulation is judged. Therefore the supply's limits never act, and the battery accepts returned energy.
-    Scenario { period, seed: index, unlimited: true, ..Scenario::new(&name, duration_s, battery, motors) }
+    let scenario = Scenario::new(&name, duration_s, motors);
+    Scenario { period, seed: index, battery, unlimited: true, ..scenario }
 }
 
 /// Gives some of the motors Coulomb friction. The random numbers are from a generator of their own, so that the rest of

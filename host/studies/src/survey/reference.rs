@@ -8,10 +8,9 @@ use super::responses::{Verdict, judge, watch};
 use crate::StudyError;
 use crate::settling::changes;
 use motor_hub::braking::Scheme;
-use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
@@ -151,8 +150,9 @@ fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scen
     let constants = characterised(motor)?.with_measured_rotor_inertia();
     let motor =
         Motor { setpoints: setpoints.to_vec(), ..Motor::new(constants, Load::inertia(KgM2(inertia))) };
-    let battery = Battery { emf: Volts(12.6), resistance: Ohms(0.05) };
-    Ok(Scenario::new("reference", 10.0, battery, vec![motor]))
+    let mut scenario = Scenario::new("reference", 10.0, vec![motor]);
+    scenario.battery.emf = Volts(12.6);
+    Ok(scenario)
 }
 
 fn with_torque(mut scenario: Scenario, at_s: f64, value: f64) -> Scenario {

@@ -40,8 +40,8 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 }
                 let battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
                 let period = Period::from_millis(period_ms).unwrap_or_default();
-                let scenario = Scenario::new("sweep", DURATION_S, battery, motors);
-                all.push((Scenario { period, unlimited: true, ..scenario }, knowledge));
+                let scenario = Scenario::new("sweep", DURATION_S, motors);
+                all.push((Scenario { period, battery, unlimited: true, ..scenario }, knowledge));
             }
         }
     }
@@ -69,7 +69,7 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 let reflected = constants.eta * constants.gear_ratio * constants.gear_ratio;
                 let load = Load::inertia(KgM2((multiple - 1.0) * constants.j.0 * reflected));
                 let free = constants.counts_per_rev_motor / std::f64::consts::TAU
-                    * constants.free_speed(VOLTS_LONG).0;
+                    * constants.free_speed(Volts(12.0)).0;
                 let mut motor =
                     Motor { setpoints: long_course(free, positions), ..Motor::new(constants, load) };
                 motor.configuration = knowledge.configured(&constants);
@@ -77,18 +77,14 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 if motor.settings().is_err() {
                     continue;
                 }
-                let battery = Battery { emf: VOLTS_LONG, resistance: Ohms(0.05) };
                 let period = Period::from_millis(period_ms).unwrap_or_default();
-                let scenario = Scenario::new("long sweep", LONG_S, battery, vec![motor]);
+                let scenario = Scenario::new("long sweep", LONG_S, vec![motor]);
                 all.push((Scenario { period, ..scenario }, knowledge));
             }
         }
     }
     all.into_iter().step_by(every.max(1)).collect()
 }
-
-/// Voltage of the battery in the long sweep.
-const VOLTS_LONG: Volts = Volts(12.0);
 
 /// Set-points: 0.7, 0.15, -0.5 and 0.3 of the free speed, then standstill; or to a position and back beyond the start.
 /// `free` is in counts/s.
