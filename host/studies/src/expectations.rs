@@ -4,8 +4,7 @@
 //! too short to judge a change, or if the window has no control tick.
 
 use crate::groups;
-use crate::measures::regime_of;
-use crate::measures::{Measures, Response};
+use crate::measures::{Measures, Response, extent, regime_of};
 use motor_hub::motor::Faults;
 use motor_hub::record::Fault;
 use serde::Serialize;
@@ -125,10 +124,6 @@ fn of_group(scenario: &Scenario, group: &Group, trace: &Trace, expectation: &Exp
         }
         _ => None,
     }
-}
-
-fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
-    values.map(|value| (value, value)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
 /// Each value once, in the order of first occurrence.

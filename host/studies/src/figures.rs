@@ -38,30 +38,34 @@ const RULES: [(&str, &str, DutyRule); 2] = [
 /// If the catalogue lacks the motor.
 pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
     let motor = &characterised("AM 60 A")?;
-    let a = ("A", paper::Scheme::A, "equivalent DC voltage, V");
-    let b = ("B", paper::Scheme::B, "current, A");
-    let c = ("C", paper::Scheme::C, "current, A");
-    let quarter = ("D, blend 1/4", paper::Scheme::D { blend: 0.25 }, "current, A");
-    let mut figures = vec![
-        ("1-structure".to_owned(), structure()),
-        ("2-drop-to-back-emf".to_owned(), drop_figure(motor, false)),
-        ("3-drop-to-mean-zero-current".to_owned(), drop_figure(motor, true)),
+    let scheme = |title, scheme, unit| scheme_figure(motor, title, |_| scheme, unit);
+    let figures = [
+        ("1-structure", structure()),
+        ("2-drop-to-back-emf", drop_figure(motor, false)),
+        ("3-drop-to-mean-zero-current", drop_figure(motor, true)),
+        ("4-scheme-a", scheme("Scheme A", paper::Scheme::A, "equivalent DC voltage, V")),
+        ("5-scheme-b", scheme("Scheme B", paper::Scheme::B, "current, A")),
+        ("6-scheme-c", scheme("Scheme C", paper::Scheme::C, "current, A")),
+        ("7-scheme-d", scheme("Scheme D, blend 1/4", QUARTER, "current, A")),
+        (
+            "8-scheme-d-automatic",
+            scheme_figure(motor, "Scheme D, automatic blend", automatic_blend, "current, A"),
+        ),
+        ("9-points-over-speed", over_speed(motor)),
+        ("10-current-at-10-percent", currents(motor, 0.1)?),
+        ("11-current-at-50-percent", currents(motor, 0.5)?),
+        ("12-current-at-90-percent", currents(motor, 0.9)?),
+        ("13-deviation-by-frequency", by_frequency(motor)?),
     ];
-    for (number, (name, scheme, unit)) in [a, b, c, quarter].into_iter().enumerate() {
-        let file = format!("{}-scheme-{}", 4 + number, name[..1].to_lowercase());
-        figures.push((file, scheme_figure(motor, &format!("Scheme {name}"), |_| scheme, unit)));
-    }
-    let automatic = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
-    figures.push((
-        "8-scheme-d-automatic".to_owned(),
-        scheme_figure(motor, "Scheme D, automatic blend", automatic, "current, A"),
-    ));
-    figures.push(("9-points-over-speed".to_owned(), over_speed(motor)));
-    for (number, u) in [0.1, 0.5, 0.9].into_iter().enumerate() {
-        figures.push((format!("{}-current-at-{:.0}-percent", 10 + number, 100.0 * u), currents(motor, u)?));
-    }
-    figures.push(("13-deviation-by-frequency".to_owned(), by_frequency(motor)?));
-    Ok(figures)
+    Ok(figures.map(|(name, figure)| (name.to_owned(), figure)).into())
+}
+
+/// Scheme D with the blend 1/4.
+const QUARTER: paper::Scheme = paper::Scheme::D { blend: 0.25 };
+
+/// Scheme D with the automatic blend, at a back EMF that is this share of the battery voltage.
+fn automatic_blend(u: f64) -> paper::Scheme {
+    paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) }
 }
 
 fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
@@ -167,13 +171,12 @@ fn over_speed(motor: &Motor) -> Figure {
             .collect()
     };
     let t = |points: &Points| points.t.x;
-    let blended = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
     let series = vec![
         line("Z of scheme A", colour::GREEN, curve(&|_| paper::Scheme::A, |points| points.z.x)),
         line("T of scheme B", colour::BLUE, curve(&|_| paper::Scheme::B, t)),
         line("T of scheme C", colour::RED, curve(&|_| paper::Scheme::C, t)),
-        line("T of D, blend 1/4", colour::PURPLE, curve(&|_| paper::Scheme::D { blend: 0.25 }, t)),
-        line("T of D, automatic", colour::INK, curve(&blended, t)),
+        line("T of D, blend 1/4", colour::PURPLE, curve(&|_| QUARTER, t)),
+        line("T of D, automatic", colour::INK, curve(&automatic_blend, t)),
     ];
     Figure {
         title: "Where braking begins and ends, over speed".to_owned(),

@@ -185,7 +185,7 @@ fn response(motor: &Motor, change: Change, motion: &[Point]) -> Option<Response>
         residual_rms: rms(errors_since(f64::midpoint(from_s, to_s))),
         rms_error: rms(&errors),
         absolute_error_s: step_s * errors.iter().map(|error| error.abs()).sum::<f64>(),
-        swing: last.clone().reduce(f64::max).unwrap_or(0.0) - last.reduce(f64::min).unwrap_or(0.0),
+        swing: extent(last).map_or(0.0, |(low, high)| high - low),
     })
 }
 
@@ -202,12 +202,13 @@ fn task(goal: Goal, stepped: bool) -> String {
 }
 
 fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
-    let triples = ticks.iter().zip(ticks.iter().skip(1)).zip(ticks.iter().skip(2));
-    let changes: Vec<f64> = triples
-        .filter(|((_, now), _)| span_s.contains(&now.0))
-        .filter(|((_, now), next)| next.1.speed_cps.abs() < now.1.speed_cps.abs())
-        .map(|((before, now), _)| now.1.flow.mean_current().0 - before.1.flow.mean_current().0)
-        .collect();
+    let mut changes = Vec::new();
+    for triple in ticks.windows(3) {
+        let &[(_, before), (at_s, now), (_, next)] = triple else { continue };
+        if span_s.contains(&at_s) && next.speed_cps.abs() < now.speed_cps.abs() {
+            changes.push(now.flow.mean_current().0 - before.flow.mean_current().0);
+        }
+    }
     let worst_a = changes.iter().map(|change| change.abs()).fold(0.0, f64::max);
     let constants = &motor.constants;
     let torque_per_amp = constants.kt.0 * constants.gear_ratio * constants.eta;
@@ -230,6 +231,11 @@ fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
         reverse: share(Some(Regime::Reverse)),
         coast: share(None),
     }
+}
+
+/// Lowest and highest value; `None` without values.
+pub(crate) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.map(|value| (value, value)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
 /// Root mean square; 0 without values.

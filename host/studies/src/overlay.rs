@@ -14,7 +14,7 @@
 //! ```
 
 use crate::Lines;
-use crate::measures::{Measures, rms};
+use crate::measures::{Measures, extent, rms};
 use crate::report::tables::side_by_side;
 use chart::{Figure, Panel, Style, colour};
 use simulated::scenario::Scenario;
@@ -64,8 +64,8 @@ impl Overlay {
                 differences.push(emulated.speed_cps - other.speed_cps);
                 apart.worst_counts = apart.worst_counts.max((emulated.counts - other.counts).abs());
             }
-            let speeds = || near(1.1 * period_s).map(|(_, other)| other.speed_cps);
-            let (least, most) = (speeds().fold(f64::MAX, f64::min), speeds().fold(f64::MIN, f64::max));
+            let speeds = near(1.1 * period_s).map(|(_, other)| other.speed_cps);
+            let (least, most) = extent(speeds).unwrap_or((f64::MAX, f64::MIN));
             let outside = (least - emulated.speed_cps).max(emulated.speed_cps - most);
             apart.worst_cps = apart.worst_cps.max(outside);
         }

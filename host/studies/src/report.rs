@@ -1,7 +1,7 @@
 //! Compares the run of a scenario with the same run without a braking regime: tables, JSON, charts and CSV.
 
 mod csv;
-mod figures;
+pub(crate) mod figures;
 mod headline;
 pub(crate) mod tables;
 

@@ -34,8 +34,8 @@ pub struct Table {
 }
 
 /// Creates a table whose first `left` columns are aligned left, and whose other columns are aligned right.
-pub fn new(headings: &[&str], left: usize) -> Table {
-    let headings = headings.iter().map(ToString::to_string).collect();
+pub fn new(headings: impl IntoIterator<Item: ToString>, left: usize) -> Table {
+    let headings = headings.into_iter().map(|heading| heading.to_string()).collect();
     Table { headings, left, rows: Vec::new(), narrowest: 0 }
 }
 
@@ -44,8 +44,7 @@ type Column<'a, T> = (&'a str, &'a dyn Fn(&T) -> String);
 
 /// Creates a table with a row for each item.
 pub(crate) fn of<T>(items: impl IntoIterator<Item = T>, left: usize, columns: &[Column<'_, T>]) -> Table {
-    let headings: Vec<&str> = columns.iter().map(|(heading, _)| *heading).collect();
-    let mut table = new(&headings, left);
+    let mut table = new(columns.iter().map(|(heading, _)| heading), left);
     for item in items {
         table.add_row(columns.iter().map(|(_, text)| text(&item)));
     }

@@ -4,9 +4,9 @@ use super::row::Row;
 use super::variant::Variant;
 use super::{Round, TaskResult};
 use crate::NamedFigure;
+use crate::report::figures::velocity_goal;
 use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Scheme};
-use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Kind;
 use simulated::trace::Sample;
 
@@ -77,7 +77,8 @@ fn lines(
         row.trace.motor(0).filter(|(at, _)| *at >= from_s).map(|(at, sample)| (at, value(sample))).collect()
     };
     let goal = result.rows.first().filter(|_| goal);
-    let goal = goal.map(|row| Series::new("set-point", colour::INK, Style::DashedStep, data(row, set_point)));
+    let goal =
+        goal.map(|row| Series::new("set-point", colour::INK, Style::DashedStep, data(row, velocity_goal)));
     let shown = Variant::ALL.into_iter().zip(&result.rows).filter(|(variant, _)| wanted(variant));
     let lines = shown.map(|(variant, row)| {
         let colour = match variant.scheme {
@@ -90,11 +91,4 @@ fn lines(
         Series::new(variant.in_words(), colour, style, data(row, value))
     });
     goal.into_iter().chain(lines).collect()
-}
-
-fn set_point(sample: &Sample) -> f64 {
-    match sample.report.setpoint {
-        Setpoint::Velocity(cps) => cps.to_f64(),
-        _ => f64::NAN,
-    }
 }

@@ -198,9 +198,8 @@ fn factor(gains: Option<Gains>, of: fn(Gains) -> f64) -> String {
 }
 
 fn settling_times(round: &Round, shown: fn(&Variant) -> bool) -> Table {
-    let names: Vec<String> = Variant::ALL.into_iter().filter(shown).map(Variant::in_words).collect();
-    let headings: Vec<&str> = ["task"].into_iter().chain(names.iter().map(String::as_str)).collect();
-    let mut table = table::new(&headings, 1);
+    let names = Variant::ALL.into_iter().filter(shown).map(Variant::in_words);
+    let mut table = table::new(["task".to_owned()].into_iter().chain(names), 1);
     for result in &round.tasks {
         let times = result.rows.iter().filter(|row| shown(&row.variant)).map(Row::settling);
         table.add_row([result.task.key.to_owned()].into_iter().chain(times));
@@ -209,8 +208,8 @@ fn settling_times(round: &Round, shown: fn(&Variant) -> bool) -> Table {
 }
 
 fn winners_of(page: &mut Page, round: &Round) {
-    let headings = [&["task"], &COLUMNS.map(|column| column.name)[..]].concat();
-    let mut table = table::new(&headings, headings.len());
+    let columns = COLUMNS.map(|column| column.name);
+    let mut table = table::new(["task"].into_iter().chain(columns), 1 + columns.len());
     for (result, winners) in round.tasks.iter().zip(winners(round).chunks(COLUMNS.len())) {
         table.add_row([result.task.key.to_owned()].into_iter().chain(winners.iter().map(signs)));
     }

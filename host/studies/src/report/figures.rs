@@ -150,7 +150,8 @@ fn battery(trace: &Trace) -> Panel {
     Panel::new("battery, V", 80.0, series)
 }
 
-fn velocity_goal(sample: &Sample) -> f64 {
+/// The speed set-point of a sample in counts/s; not a number for other set-points.
+pub(crate) fn velocity_goal(sample: &Sample) -> f64 {
     match sample.report.setpoint {
         Setpoint::Velocity(cps) => cps.to_f64(),
         Setpoint::Follow(reference) => reference.speed.to_f64(),

@@ -1,7 +1,7 @@
 //! Judges the responses of motors to changes by the true motion at every millisecond.
 
 use crate::StudyError;
-use crate::measures::rms;
+use crate::measures::{extent, rms};
 use crate::settling::{Change, Goal, rest_s, settling};
 use serde::Serialize;
 use simulated::scenario::Scenario;
@@ -117,8 +117,7 @@ pub(super) fn judge(change: &Change, track: &[Instant]) -> Verdict {
     let rest = (1e3 * rest_s(change.length_s())).round() as usize;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let ending = last(SWING_MS);
-    let low = ending.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = ending.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = extent(ending.iter().copied()).unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
     Verdict {
         settling_s: settling(goal, before, span_s, &points).seconds(),
         beyond_percent: beyond(change, &deviations),

@@ -103,10 +103,10 @@ fn where_configured_is_slower(row: &Row) -> Option<String> {
 
 fn by_period(rows: &[Row], configured: bool) -> Table {
     let periods = reference::PERIODS.map(|ms| format!("{ms} ms"));
-    let headings: Vec<&str> = ["task"].into_iter().chain(periods.iter().map(String::as_str)).collect();
-    let mut table = table::new(&headings, 1);
+    let mut table = table::new(["task".to_owned()].into_iter().chain(periods), 1);
     for row in rows {
-        let figures = (0..periods.len()).map(|index| cell(row, configured, index).unwrap_or_default());
+        let figures =
+            (0..reference::PERIODS.len()).map(|index| cell(row, configured, index).unwrap_or_default());
         table.add_row([row.name.clone()].into_iter().chain(figures));
     }
     table
@@ -290,8 +290,7 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     values.sort();
     values.dedup();
     let names = Knowledge::OF_MOTION.map(Knowledge::name);
-    let headings: Vec<&str> = [title, "responses"].into_iter().chain(names).collect();
-    let mut table = table::new(&headings, 1);
+    let mut table = table::new([title, "responses"].into_iter().chain(names), 1);
     for value in values {
         let matching: Vec<&Response> = responses.iter().filter(|response| of(response) == value).collect();
         let shares = Knowledge::OF_MOTION.map(|knowledge| never(&all(matching.iter().copied(), knowledge)));
