@@ -24,13 +24,11 @@ mod memory;
 #[cfg(unix)]
 mod pty;
 mod tcp;
-mod wire;
 
 pub use chain_line::{ChainLine, LineFault};
 use interventions::Interventions;
-pub use line::{Line, LineError, pty, tcp, within_process};
+pub use line::{Line, LineError, Wire, pty, tcp, within_process};
 pub use memory::{Memory, MemoryError};
-pub use wire::Wire;
 
 use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};

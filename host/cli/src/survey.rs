@@ -4,7 +4,7 @@ use crate::output::{Failure, Folder, drawn, in_steps, print_paths};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
-use studies::survey::{Results, Survey, bare_motors, random, reference, toml};
+use studies::survey::{Results, Survey, bare_motors, random, reference};
 use studies::{StudyError, with_fields};
 
 /// A part of the survey.
@@ -69,7 +69,7 @@ impl Options {
         let folder = Folder::new(&self.out)?;
         if let Some(number) = self.dump {
             let name = format!("survey-{}-{number}.toml", self.seed);
-            let text = toml(&random::scenario(self.seed, number));
+            let text = random::toml(&random::scenario(self.seed, number));
             return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);

@@ -3,10 +3,9 @@
 
 mod circuits;
 
-use crate::points::chart::{self, Look};
-use crate::points::{CONTROL_RANGE, fraction};
+use crate::points::{self, CONTROL_RANGE, Look, fraction};
 use crate::{NamedFigure, StudyError};
-use ::chart::{Figure, Panel, Point, Series, Style, colour};
+use chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{Motor, characterised};
@@ -79,7 +78,7 @@ fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
     let reach = 1.3 * corners.iter().map(|(_, p)| p.y.abs()).fold(0.0, f64::max);
     let named = corners.map(|(name, p)| Point { at: (p.x, p.y), name: name.to_owned(), colour: colour::INK });
     let look = Look { counter_clockwise: false, jump: false, height };
-    Panel { y_range: Some((-reach, reach)), ..chart::panel(y_label, named, look) }
+    Panel { y_range: Some((-reach, reach)), ..points::panel(y_label, named, look) }
 }
 
 fn structure() -> Figure {

@@ -12,10 +12,8 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-pub(crate) mod chart;
-
 use crate::StudyError;
-use ::chart::{Figure, Point, colour};
+use chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Points, Scheme};
 use motor_hub::bridge::Drive;
 use motor_hub::model::catalogue::Motor;
@@ -154,7 +152,7 @@ impl OperatingReport {
             name: p.name.into(),
             colour: colour::INK,
         });
-        let look = chart::Look {
+        let look = Look {
             counter_clockwise: self.at.counter_clockwise(),
             jump: self.scheme.0 == Scheme::ForwardReverse,
             height: 480.0,
@@ -164,7 +162,7 @@ impl OperatingReport {
             subtitle: self.heading(),
             x_label: "control".into(),
             x_range: Some(CONTROL_RANGE),
-            panels: vec![chart::panel(self.ordinate().into(), points, look)],
+            panels: vec![panel(self.ordinate().into(), points, look)],
         }
     }
 }
@@ -175,4 +173,56 @@ pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
 /// A control value as a fraction of full scale, -1 to 1.
 pub(crate) fn fraction(steps: i16) -> f64 {
     f64::from(steps) / f64::from(Control::MAX.get())
+}
+
+/// Largest control value, as a fraction of full scale.
+const REACH: f64 = 1.0;
+
+/// How the points of a motor are drawn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look {
+    /// True if the motor turns counter-clockwise. Then the labels 9/8 and 6/2 are exchanged. The colours of the regimes
+    /// are not exchanged.
+    pub(crate) counter_clockwise: bool,
+    /// True if there is no braking regime between T and Z.
+    pub(crate) jump: bool,
+    /// Height of the panel in pixels.
+    pub(crate) height: f64,
+}
+
+/// Draws the lines from S via T and Z to G within the control range. `points` are in this order.
+pub(crate) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
+    let [s, t, z, g] = &points;
+    let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };
+    let line = |name: String, colour, from: &Point, to: &Point| {
+        Series::new(name, colour, Style::Line, within_reach(from.at, to.at))
+    };
+    let between = if look.jump {
+        line("a jump".into(), colour::GREY, t, z)
+    } else {
+        line("braking (5/0)".into(), colour::BRAKING, t, z)
+    };
+    let mut series = vec![
+        line(format!("reverse ({reverse})"), colour::REVERSE, s, t),
+        between,
+        line(format!("forward ({forward})"), colour::FORWARD, z, g),
+    ];
+    series.retain(|line| !line.data.is_empty());
+    let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);
+    let y_range = Some((-1.15 * largest, 1.15 * largest));
+    Panel { y_range, points: points.into(), ..Panel::new(y_label, look.height, series) }
+}
+
+/// The part of a line from `a` to `b` that lies within the control range, ascending.
+fn within_reach(a: (f64, f64), b: (f64, f64)) -> Vec<(f64, f64)> {
+    let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+    let (low, high) = (a.0.max(-REACH), b.0.min(REACH));
+    if low > high {
+        return Vec::new();
+    }
+    if a.0 == b.0 {
+        return vec![a, b];
+    }
+    let y = |x: f64| a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0);
+    vec![(low, y(low)), (high, y(high))]
 }

@@ -22,13 +22,11 @@ mod parallel;
 pub mod random;
 pub mod reference;
 mod responses;
-mod scenario_file;
 pub mod soak;
 mod sweep;
 mod text;
 
 pub use responses::{Kind, Verdict};
-pub use scenario_file::toml;
 
 use crate::page::Page;
 use crate::settling::{Change, Goal, changes};

@@ -1,11 +1,11 @@
 //! Reference tasks at several control periods. The reference figures are from a simulation that was made before the
-//! regulator was written. Tasks of a drive base, which have no reference figures, are in `base`.
-
-mod base;
+//! regulator was written. Tasks of a drive base have no reference figures: the result is the largest difference between
+//! the heading of the base and the heading of its references.
 
 use super::parallel::{self, ByKnowledge};
 use super::responses::{Verdict, judge, watch};
 use crate::StudyError;
+use crate::groups::HeadingError;
 use crate::settling::changes;
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::characterised;
@@ -15,6 +15,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed};
+use simulated::without_tasks;
 
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
@@ -181,8 +182,9 @@ fn arm() -> Result<Scenario, StudyError> {
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let tasks = tasks()?;
-    let responses = 2 * tasks.len() * PERIODS.len();
-    let total = responses + base::RUNS;
+    let runs = |tasks: usize| 2 * tasks * PERIODS.len();
+    let responses = runs(tasks.len());
+    let total = responses + runs(BASE_TASKS.len());
     let work = |task: &Task, configured, ms| {
         let late =
             (task.figure == Figure::Settling).then(|| worst(task, true, configured, ms)).transpose()?;
@@ -205,7 +207,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
         }
     };
     let mut rows: Vec<Row> = tasks.iter().zip(verdicts).map(row).collect();
-    rows.extend(base::rows(&mut |done, _| progress(responses + done, total))?);
+    rows.extend(base_rows(&mut |done, _| progress(responses + done, total))?);
     Ok(rows)
 }
 
@@ -240,4 +242,75 @@ fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Ve
         }
     }
     worst.ok_or(StudyError::NoEvent)
+}
+
+/// Name of each task of a drive base, and the courses of the base in the form of a scenario file.
+///
+/// The drive base is the base in `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on
+/// wheels of 90 mm that are 300 mm apart.
+const BASE_TASKS: [(&str, &str); 2] = [
+    (
+        "drive base, turns of 90 degrees",
+        "{ at_s = 0.5, turn_degrees = 90, speed_cps = 2258, acceleration_cps2 = 5051 },
+         { at_s = 2.5, turn_degrees = -90, speed_cps = 2258, acceleration_cps2 = 5051 },
+         { at_s = 4.5, turn_degrees = 90, speed_cps = 2258, acceleration_cps2 = 5051 },",
+    ),
+    (
+        "drive base, a metre straight ahead",
+        "{ at_s = 0.5, straight_mm = 1000, speed_cps = 2080, acceleration_cps2 = 4160 },",
+    ),
+];
+
+fn base_scenario(courses: &str) -> Result<Scenario, StudyError> {
+    let wheel = |label, motor| {
+        format!(
+            "[[motors]]\nlabel = \"{label}\"\nmotor = \"{motor}\"\nload = {{ inertia_kg_m2 = 0.006075 }}\n"
+        )
+    };
+    let text = format!(
+        "name = \"drive base\"\nduration_s = 6.5\nbattery = {{ emf_v = 12.0, resistance_ohm = 0.05 }}\n{}{}\
+         [[groups]]\nlabel = \"base\"\nmotors = [\"left\", \"right\"]\n\
+         base = {{ wheel_diameter_mm = 90, track_mm = 300 }}\ncourses = [{courses}]\n",
+        wheel("left", "AM 60 A"),
+        wheel("right", "AM 60 B"),
+    );
+    // A test shows that the text is valid, so this error does not occur.
+    Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
+}
+
+/// The rows of [`BASE_TASKS`]. `progress` gets the number of finished runs and the number of all runs.
+fn base_rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
+    let scenarios =
+        BASE_TASKS.iter().map(|(_, courses)| base_scenario(courses)).collect::<Result<Vec<_>, _>>()?;
+    let degrees = parallel::at_all_periods(&scenarios, &PERIODS, heading_error, progress)?;
+    let row = |((name, _), [configured_degrees, unknown_degrees]): ((&str, _), [Vec<f64>; 2])| Row {
+        name: name.to_owned(),
+        figure: Figure::Heading,
+        configured_degrees,
+        unknown_degrees,
+        ..Row::default()
+    };
+    Ok(BASE_TASKS.into_iter().zip(degrees).map(row).collect())
+}
+
+/// The largest heading error of a run in degrees; infinite after a fault of a wheel's encoder.
+fn heading_error(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64, StudyError> {
+    let scenario = parallel::variant(scenario, configured, period_ms)?;
+    let group = scenario.groups.first().ok_or(StudyError::NoEvent)?;
+    let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
+    let mut largest = 0.0;
+    without_tasks::run(&scenario, |moment| {
+        // Between two ticks the references do not change.
+        if !moment.ms.is_multiple_of(period_ms.into()) {
+            return;
+        }
+        let wheel = |motor: usize| -> Option<(Setpoint, i64)> {
+            Some((moment.snapshot.motors.get(motor)?.setpoint, moment.view.motors.get(motor)?.1))
+        };
+        let error = heading.step(moment.ms as f64 / 1e3, wheel).unwrap_or(0.0);
+        let at_fault =
+            moment.snapshot.tick > 0 && moment.snapshot.motors.iter().any(|m| m.faults.encoder.is_some());
+        largest = f64::max(largest, if at_fault { f64::INFINITY } else { error });
+    })?;
+    Ok(largest)
 }

@@ -3,7 +3,7 @@
 use crate::{REFERENCE, clock};
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
-use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference, toml};
+use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference};
 
 fn never(responses: &[&Response], knowledge: usize) -> f64 {
     let never = responses.iter().filter(|response| response.verdicts[knowledge].settling_s.is_none()).count();
@@ -90,7 +90,7 @@ fn every_bare_motor_settles_at_every_period() {
 fn a_drawn_scenario_is_its_own_file_again() {
     for number in 0..50 {
         let scenario = random::scenario(3, number);
-        let text = toml(&scenario);
+        let text = random::toml(&scenario);
         let read = simulated::scenario::Scenario::parse("survey", &text);
         assert_eq!(read.as_ref().map_err(ToString::to_string), Ok(&scenario), "{text}");
     }
