@@ -9,8 +9,8 @@ use motor_hub::motor::Faults;
 use motor_hub::record::Fault;
 use serde::Serialize;
 use serde_json::json;
+use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Expectation, Expected, Quantity, Subject, regime_name};
-use simulated::scenario::{Group, Scenario};
 use simulated::trace::{Sample, Trace};
 use std::fmt;
 use std::ops::Range;
@@ -64,17 +64,26 @@ pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
 
 /// Measures the subject of an expectation; `None` if there is nothing to measure.
 fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Option<Measured> {
-    let window_s = &expectation.window_s;
-    let index = match expectation.subject {
-        Subject::Motor(index) => index,
-        Subject::Group(index) => {
-            return of_group(scenario, scenario.groups.get(index)?, trace, expectation).map(Measured::Number);
-        }
-        Subject::Battery => {
+    let Expectation { subject, window_s, expected } = expectation;
+    let number = match (*subject, expected) {
+        (Subject::Motor(index), _) => return of_motor(scenario, trace, index, expectation),
+        (Subject::Battery, _) => {
             let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
             return extent(ticks.map(|tick| tick.battery_v)).map(|(low, high)| Measured::Between(low, high));
         }
+        (Subject::Group(index), Expected::Quantity(Quantity::SettlingTime, _)) => {
+            groups::longest_arrival_s(scenario.groups.get(index)?, trace, window_s)
+        }
+        (Subject::Group(index), Expected::Quantity(Quantity::HeadingError, _)) => {
+            groups::largest_heading_error(scenario.groups.get(index)?, &scenario.motors, trace, window_s)
+        }
+        (Subject::Group(_), _) => None,
     };
+    number.map(Measured::Number)
+}
+
+fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, expectation: &Expectation) -> Option<Measured> {
+    let window_s = &expectation.window_s;
     let motor = scenario.motors.get(index)?;
     let samples: Vec<&Sample> =
         trace.motor(index).filter(|(at, _)| window_s.contains(at)).map(|(_, sample)| sample).collect();
@@ -112,18 +121,6 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
             Measured::Words(each_once(samples.iter().flat_map(|sample| fault_words(sample.report.faults))))
         }
     })
-}
-
-/// The measurement of a group.
-fn of_group(scenario: &Scenario, group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
-    let Expectation { window_s, expected, .. } = expectation;
-    match expected {
-        Expected::Quantity(Quantity::SettlingTime, _) => groups::longest_arrival_s(group, trace, window_s),
-        Expected::Quantity(Quantity::HeadingError, _) => {
-            groups::largest_heading_error(group, &scenario.motors, trace, window_s)
-        }
-        _ => None,
-    }
 }
 
 /// Each value once, in the order of first occurrence.

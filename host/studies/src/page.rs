@@ -12,7 +12,7 @@
 //! assert_eq!(page.markdown(), markdown);
 //! ```
 
-use crate::table::{Table, paragraph};
+use crate::table::{Table, one_line, paragraph};
 
 /// A text of several parts, its result first.
 #[derive(Clone, Debug)]
@@ -87,8 +87,4 @@ impl Page {
         };
         self.parts.iter().map(part).collect::<Vec<_>>().join("\n")
     }
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

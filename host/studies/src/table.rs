@@ -68,7 +68,7 @@ impl Table {
     #[must_use]
     pub fn markdown(&self) -> String {
         let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
-        let plain = |cell: &String| cell.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|");
+        let plain = |cell: &String| one_line(cell).replace('|', "\\|");
         let sides = (0..self.headings.len()).map(|index| if index < self.left { ":--" } else { "--:" });
         let mut out = row(self.headings.iter().map(plain).collect());
         out += &row(sides.map(str::to_owned).collect());
@@ -171,6 +171,11 @@ pub fn seconds(seconds: Option<f64>) -> String {
 /// A percentage as text; "-" without a number.
 pub(crate) fn percent(percent: Option<f64>) -> String {
     percent.map_or("-".to_owned(), |percent| format!("{percent:.1} %"))
+}
+
+/// The words of a text in one line.
+pub(crate) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// A paragraph of words, no wider than the terminal.

@@ -1,6 +1,6 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
-use super::parallel::{self, ByKnowledge};
+use super::parallel;
 use super::responses::{Verdict, judge, watch};
 use super::time_constant;
 use crate::settling::changes;
@@ -48,20 +48,22 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, Stu
         |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia(), &Load::NONE) > SLOW;
     motors.extend(catalogue::motors().filter(slow));
     let modes = ["velocity", "position"];
-    let names: Vec<(catalogue::Motor, &'static str)> =
-        motors.iter().flat_map(|&motor| modes.map(|mode| (motor, mode))).collect();
-    let scenarios: Vec<Scenario> =
-        names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
-    let verdicts = parallel::at_all_periods(&scenarios, &PERIODS, both, progress)?;
-    let bare_motor =
-        |((motor, mode), [configured, unknown]): ((catalogue::Motor, _), ByKnowledge<_>)| BareMotor {
-            motor: motor.name,
-            paper_inertia: motor.j != motor.j_rotor_measured,
-            mode,
-            configured,
-            unknown,
-        };
-    Ok(names.into_iter().zip(verdicts).map(bare_motor).collect())
+    let cases: Vec<(catalogue::Motor, &'static str)> =
+        motors.into_iter().flat_map(|motor| modes.map(|mode| (motor, mode))).collect();
+    let verdicts = parallel::at_all_periods(
+        &cases,
+        &PERIODS,
+        |&(motor, mode), configured, ms| both(&scenario(motor, mode == "velocity"), configured, ms),
+        progress,
+    )?;
+    let bare_motors = cases.iter().zip(verdicts).map(|((motor, mode), [configured, unknown])| BareMotor {
+        motor: motor.name,
+        paper_inertia: motor.j != motor.j_rotor_measured,
+        mode,
+        configured,
+        unknown,
+    });
+    Ok(bare_motors.collect())
 }
 
 /// The scenario of one motor. By speed, the motor turns at half of its free speed, and then at a tenth of its free

@@ -38,17 +38,14 @@ pub(super) fn map<T: Sync, R: Send>(
     all.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Results of one item at all periods: configured exactly, and not configured.
-pub(super) type ByKnowledge<R> = [Vec<R>; 2];
-
-/// The results of `work` for every item at every period in ms, configured (`true`) and not configured. `progress` gets
-/// the number of finished runs and the number of all runs.
+/// The results of `work` for every item at every period in ms: first configured (`true`), then not configured.
+/// `progress` gets the number of finished runs and the number of all runs.
 pub(super) fn at_all_periods<T: Sync, R: Send>(
     items: &[T],
     periods: &[u32],
     work: impl Fn(&T, bool, u32) -> Result<R, StudyError> + Sync,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<Vec<ByKnowledge<R>>, StudyError> {
+) -> Result<Vec<[Vec<R>; 2]>, StudyError> {
     let mut cases = Vec::new();
     for item in items {
         for configured in [true, false] {

@@ -2,7 +2,7 @@
 //! regulator was written. Tasks of a drive base have no reference figures: the result is the largest difference between
 //! the heading of the base and the heading of its references.
 
-use super::parallel::{self, ByKnowledge};
+use super::parallel;
 use super::responses::{Verdict, judge, watch};
 use crate::StudyError;
 use crate::groups::HeadingError;
@@ -191,12 +191,13 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
         Ok((worst(task, false, configured, ms)?, late))
     };
     let verdicts = parallel::at_all_periods(&tasks, &PERIODS, work, &mut |done, _| progress(done, total))?;
-    let row = |(task, verdicts): (&Task, ByKnowledge<(Verdict, Option<Verdict>)>)| {
+    let mut rows = Vec::new();
+    for (task, verdicts) in tasks.into_iter().zip(verdicts) {
         let [(configured, configured_late), (unknown, unknown_late)] =
             verdicts.map(|both| both.into_iter().unzip::<_, _, Vec<_>, Vec<_>>());
-        Row {
-            speed: speed(task),
-            name: task.name.clone(),
+        rows.push(Row {
+            speed: speed(&task),
+            name: task.name,
             reference: task.reference,
             figure: task.figure,
             configured,
@@ -204,9 +205,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
             configured_late: configured_late.into_iter().flatten().collect(),
             unknown_late: unknown_late.into_iter().flatten().collect(),
             ..Row::default()
-        }
-    };
-    let mut rows: Vec<Row> = tasks.iter().zip(verdicts).map(row).collect();
+        });
+    }
     rows.extend(base_rows(&mut |done, _| progress(responses + done, total))?);
     Ok(rows)
 }
@@ -283,14 +283,14 @@ fn base_rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyEr
     let scenarios =
         BASE_TASKS.iter().map(|(_, courses)| base_scenario(courses)).collect::<Result<Vec<_>, _>>()?;
     let degrees = parallel::at_all_periods(&scenarios, &PERIODS, heading_error, progress)?;
-    let row = |((name, _), [configured_degrees, unknown_degrees]): ((&str, _), [Vec<f64>; 2])| Row {
-        name: name.to_owned(),
+    let rows = BASE_TASKS.iter().zip(degrees).map(|((name, _), [configured_degrees, unknown_degrees])| Row {
+        name: (*name).to_owned(),
         figure: Figure::Heading,
         configured_degrees,
         unknown_degrees,
         ..Row::default()
-    };
-    Ok(BASE_TASKS.into_iter().zip(degrees).map(row).collect())
+    });
+    Ok(rows.collect())
 }
 
 /// The largest heading error of a run in degrees; infinite after a fault of a wheel's encoder.
