@@ -35,76 +35,68 @@ use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use simulated::scenario::{Configuration, Motor, Scenario};
 use simulated::scheme::{SchemeWords, describe};
 
 /// How a motor is configured in the hub.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Knowledge {
-    /// The true inertia, drag and friction are configured.
-    Exact,
-    /// 0.7 times the true inertia is configured.
-    Lighter,
-    /// 1.4 times the true inertia is configured.
-    Heavier,
-    /// Only the winding is configured; the hub learns the acceleration per volt.
-    Unknown,
-    /// The constants of the cold motor are configured, but the motor is hot: its magnets are 10 % weaker, and its
-    /// copper has 24 % more resistance. The winding is then 62 K warmer, and ferrite magnets are 50 K warmer.
-    Hot,
-    /// 0.8 times the true winding resistance is configured.
-    ResistanceLow,
-    /// 1.2 times the true winding resistance is configured.
-    ResistanceHigh,
-    /// 0.9 times the true back-EMF constant is configured.
-    EmfLow,
-    /// 1.1 times the true back-EMF constant is configured.
-    EmfHigh,
-    /// The constants of another specimen of the same product are configured.
-    Sibling,
-    /// Half of the true inertia is configured. Only the long sweep uses this configuration.
-    HalfInertia,
-    /// Twice the true inertia is configured. Only the long sweep uses this configuration.
-    DoubleInertia,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knowledge {
+    /// Name in JSON.
+    key: &'static str,
+    /// Name in tables.
+    pub name: &'static str,
+    /// Factors of the true constants.
+    factors: Configuration,
+    /// True if the constants are those of another specimen of the same product.
+    of_sibling: bool,
+}
+
+impl Serialize for Knowledge {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(self.key)
+    }
 }
 
 impl Knowledge {
-    /// All configurations except those of the long sweep, in the order of the variants.
+    /// The true constants are configured.
+    pub const EXACT: Self = Self::new("exact", "configured exactly", Configuration::EXACT);
+    /// Only the winding is configured; the hub learns the acceleration per volt.
+    pub const UNKNOWN: Self = Self::new(
+        "unknown",
+        "not configured",
+        Configuration { is_motion_known: false, ..Configuration::EXACT },
+    );
+
+    /// The configurations of the survey. A verdict of a response is found by its place in this list.
     pub const ALL: [Self; 10] = [
-        Self::Exact,
-        Self::Lighter,
-        Self::Heavier,
-        Self::Unknown,
-        Self::Hot,
-        Self::ResistanceLow,
-        Self::ResistanceHigh,
-        Self::EmfLow,
-        Self::EmfHigh,
-        Self::Sibling,
+        Self::EXACT,
+        Self::inertia("lighter", "inertia x0.7", 0.7),
+        Self::inertia("heavier", "inertia x1.4", 1.4),
+        Self::UNKNOWN,
+        // The constants of the cold motor are configured, but the motor is hot: its magnets are 10 % weaker, and its
+        // copper has 24 % more resistance. The winding is then 62 K warmer, and ferrite magnets are 50 K warmer.
+        Self::winding("hot", "configured cold, motor hot", 1.0 / 1.24, 1.0 / 0.9),
+        Self::winding("resistance-low", "R x0.8", 0.8, 1.0),
+        Self::winding("resistance-high", "R x1.2", 1.2, 1.0),
+        Self::winding("emf-low", "Ke x0.9", 1.0, 0.9),
+        Self::winding("emf-high", "Ke x1.1", 1.0, 1.1),
+        Self { of_sibling: true, ..Self::new("sibling", "sibling configured", Configuration::EXACT) },
     ];
 
-    /// The configurations that differ in the motion alone. They are the first four of [`Self::ALL`]. [`soak`] and the
-    /// tables by property use them.
-    pub const OF_MOTION: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
+    /// The configurations that differ in the motion alone. [`soak`] and the tables by property use them.
+    pub const OF_MOTION: [Self; 4] = [Self::ALL[0], Self::ALL[1], Self::ALL[2], Self::ALL[3]];
 
-    /// Name of the configuration in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "configured exactly",
-            Self::Lighter => "inertia x0.7",
-            Self::Heavier => "inertia x1.4",
-            Self::HalfInertia => "inertia x0.5",
-            Self::DoubleInertia => "inertia x2",
-            Self::Unknown => "not configured",
-            Self::Hot => "configured cold, motor hot",
-            Self::ResistanceLow => "R x0.8",
-            Self::ResistanceHigh => "R x1.2",
-            Self::EmfLow => "Ke x0.9",
-            Self::EmfHigh => "Ke x1.1",
-            Self::Sibling => "sibling configured",
-        }
+    const fn new(key: &'static str, name: &'static str, factors: Configuration) -> Self {
+        Self { key, name, factors, of_sibling: false }
+    }
+
+    const fn inertia(key: &'static str, name: &'static str, inertia: f64) -> Self {
+        Self::new(key, name, Configuration { inertia, ..Configuration::EXACT })
+    }
+
+    const fn winding(key: &'static str, name: &'static str, resistance: f64, emf: f64) -> Self {
+        Self::new(key, name, Configuration { resistance, emf, ..Configuration::EXACT })
     }
 
     /// Configures the motors of a scenario.
@@ -116,22 +108,7 @@ impl Knowledge {
 
     /// The configuration of a motor.
     fn configured(self, motor: &catalogue::Motor) -> Configuration {
-        let inertia = |inertia| Configuration { inertia, ..Configuration::EXACT };
-        let winding = |resistance, emf| Configuration { resistance, emf, ..Configuration::EXACT };
-        match self {
-            Self::Exact => Configuration::EXACT,
-            Self::Lighter => inertia(0.7),
-            Self::Heavier => inertia(1.4),
-            Self::HalfInertia => inertia(0.5),
-            Self::DoubleInertia => inertia(2.0),
-            Self::Unknown => Configuration { is_motion_known: false, ..Configuration::EXACT },
-            Self::Hot => winding(1.0 / 1.24, 1.0 / 0.9),
-            Self::ResistanceLow => winding(0.8, 1.0),
-            Self::ResistanceHigh => winding(1.2, 1.0),
-            Self::EmfLow => winding(1.0, 0.9),
-            Self::EmfHigh => winding(1.0, 1.1),
-            Self::Sibling => Configuration { of: sibling(motor), ..Configuration::EXACT },
-        }
+        Configuration { of: self.of_sibling.then(|| sibling(motor)).flatten(), ..self.factors }
     }
 }
 
@@ -182,7 +159,7 @@ pub struct Response {
 impl Response {
     /// The verdict for a configuration; `None` for one of the long sweep.
     pub fn verdict(&self, knowledge: Knowledge) -> Option<&Verdict> {
-        self.verdicts.get(knowledge as usize)
+        self.verdicts.get(Knowledge::ALL.iter().position(|other| *other == knowledge)?)
     }
 }
 
@@ -346,11 +323,6 @@ mod tests {
     use motor_hub::model::catalogue::characterised;
 
     #[test]
-    fn verdicts_are_in_the_order_of_the_configurations() {
-        assert_eq!(Knowledge::ALL.map(|knowledge| knowledge as usize), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
-    }
-
-    #[test]
     fn a_sibling_is_the_next_specimen_of_the_product_with_the_friction_of_the_motor() {
         for (name, next) in [
             ("AM 20 A", "NeveRest 20-B"),
@@ -374,7 +346,8 @@ mod tests {
             f64::from(dynamics.gain.to_bits())
         };
         // The acceleration per volt is Kt / (R J).
-        let ratio = gain(Knowledge::Hot) / gain(Knowledge::Exact);
+        let [exact, _, _, _, hot, ..] = Knowledge::ALL;
+        let ratio = gain(hot) / gain(exact);
         assert!((ratio - 1.24 / 0.9).abs() < 0.03, "{ratio}");
     }
 }

@@ -47,7 +47,7 @@ pub(super) fn survey(survey: &Survey) -> NamedFigure {
         let colours = [colour::BLUE, colour::GREEN, colour::PURPLE, colour::RED];
         let curves = Knowledge::OF_MOTION.into_iter().zip(colours).map(|(knowledge, colour)| {
             let verdicts = responses.iter().filter_map(|response| response.verdict(knowledge));
-            ((knowledge.name(), colour), times(verdicts))
+            ((knowledge.name, colour), times(verdicts))
         });
         panel(&format!("{which}, {} responses", responses.len()), curves.collect())
     });

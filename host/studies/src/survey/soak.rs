@@ -150,7 +150,7 @@ impl Soak {
                 at_s,
                 what: format!("{faults:?}"),
                 knowledge: *knowledge,
-                circumstances: format!("{}, {}", circumstances(scenario, motor), knowledge.name()),
+                circumstances: format!("{}, {}", circumstances(scenario, motor), knowledge.name),
             }));
         }
     }
@@ -194,7 +194,7 @@ fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
 /// The random scenario of this number, and how its motors are configured.
 fn scenario(seed: u64, number: u64) -> Case {
     let mut scenario = random::scenario(seed, number);
-    let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::Exact);
+    let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::EXACT);
     for motor in &mut scenario.motors {
         motor.configuration = knowledge.configured(&motor.constants);
         // The friction of the survey is at most 10 % of the stall torque; here it is at most 40 %.

@@ -20,7 +20,7 @@ const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
 /// Dry frictions in percent of the stall torque at 12 V.
 const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
 /// How the motors are configured.
-const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Unknown];
+const KNOWLEDGE: [Knowledge; 2] = [Knowledge::EXACT, Knowledge::UNKNOWN];
 /// Length of a scenario of the sweep, in seconds.
 const DURATION_S: f64 = 6.0;
 
@@ -51,8 +51,12 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 /// Inertias of motor and load together in the long sweep, as multiples of the rotor's inertia.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
 /// How the motors of the long sweep are configured.
-const KNOWLEDGE_LONG: [Knowledge; 4] =
-    [Knowledge::Exact, Knowledge::HalfInertia, Knowledge::DoubleInertia, Knowledge::Unknown];
+const KNOWLEDGE_LONG: [Knowledge; 4] = [
+    Knowledge::EXACT,
+    Knowledge::inertia("half-inertia", "inertia x0.5", 0.5),
+    Knowledge::inertia("double-inertia", "inertia x2", 2.0),
+    Knowledge::UNKNOWN,
+];
 /// Length of a scenario of the long sweep, in seconds.
 const LONG_S: f64 = 120.0;
 
@@ -149,7 +153,7 @@ mod tests {
     #[test]
     fn the_name_of_a_configuration_in_the_long_sweep_has_its_factor_of_the_inertia() {
         for (scenario, knowledge) in long_scenarios(1) {
-            let named = knowledge.name().strip_prefix("inertia x").unwrap_or("1");
+            let named = knowledge.name.strip_prefix("inertia x").unwrap_or("1");
             let inertia = scenario.motors[0].configuration.inertia;
             assert_eq!(named.parse(), Ok(inertia), "{knowledge:?}");
         }

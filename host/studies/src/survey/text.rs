@@ -44,7 +44,7 @@ fn headline(results: &Results) -> String {
     }
     if let Some(Survey { responses, .. }) = &results.survey {
         let of = |knowledge| all(responses, knowledge).into_iter().map(|(_, verdict)| verdict).collect();
-        add("random responses", [of(Knowledge::Exact), of(Knowledge::Unknown)]);
+        add("random responses", [of(Knowledge::EXACT), of(Knowledge::UNKNOWN)]);
     }
     format!("Configured exactly, the hub settles {}.", settled_of.join(", "))
 }
@@ -147,14 +147,14 @@ fn bare_motors(page: &mut Page, cells: &[BareMotor]) {
     let mut table = table::new(&["configuration", "motor", "mode", "period", "responses"], 5);
     let mut failed = 0;
     for cell in cells {
-        for (knowledge, all) in [(Knowledge::Exact, &cell.configured), (Knowledge::Unknown, &cell.unknown)] {
+        for (knowledge, all) in [(Knowledge::EXACT, &cell.configured), (Knowledge::UNKNOWN, &cell.unknown)] {
             for (ms, verdicts) in bare_motors::PERIODS.iter().zip(all) {
                 if verdicts.iter().all(|verdict| verdict.settling_s.is_some()) {
                     continue;
                 }
-                failed += usize::from(knowledge == Knowledge::Exact);
+                failed += usize::from(knowledge == Knowledge::EXACT);
                 table.add_row([
-                    knowledge.name().to_owned(),
+                    knowledge.name.to_owned(),
                     format!("{}{}", cell.motor, if cell.paper_inertia { ", paper's inertia" } else { "" }),
                     cell.mode.to_owned(),
                     format!("{ms} ms"),
@@ -217,7 +217,7 @@ fn random(page: &mut Page, survey: &Survey, worst: usize) {
         DutyRule::LinearCurrent => (1, "linear current".to_owned()),
     });
     for knowledge in Knowledge::OF_MOTION {
-        let caption = format!("The worst random responses, {}", knowledge.name());
+        let caption = format!("The worst random responses, {}", knowledge.name);
         page.table(&caption, the_worst(knowledge, responses, worst));
     }
 }
@@ -264,7 +264,7 @@ fn summary(responses: &[Response]) -> Table {
         Knowledge::ALL.map(|knowledge| (knowledge, all(responses, knowledge))),
         1,
         &[
-            ("configuration", &|(knowledge, _)| knowledge.name().to_owned()),
+            ("configuration", &|(knowledge, _)| knowledge.name.to_owned()),
             ("never settled, %", &|(_, answers)| never(answers)),
             ("swings, %", &|(_, answers)| percent(count(answers, |verdict| verdict.cycles), answers.len())),
             ("settling, median / p90", &|(_, answers)| {
@@ -289,7 +289,7 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     let mut values: Vec<(usize, String)> = responses.iter().map(&of).collect();
     values.sort();
     values.dedup();
-    let names = Knowledge::OF_MOTION.map(Knowledge::name);
+    let names = Knowledge::OF_MOTION.map(|knowledge| knowledge.name);
     let mut table = table::new([title, "responses"].into_iter().chain(names), 1);
     for value in values {
         let matching: Vec<&Response> = responses.iter().filter(|response| of(response) == value).collect();

@@ -135,7 +135,7 @@ fn no_heavy_motor_s_sound_encoder_is_doubted_within_minutes() {
     let soak = Soak::long_sweep(61, &mut |_, _| ()).expect("it runs");
     // For unknown motors with large inertias the hub is known to report false alarms, so alarms of unknown motors are
     // not counted.
-    let configured = |alarm: &&soak::Alarm| alarm.knowledge != Knowledge::Unknown;
+    let configured = |alarm: &&soak::Alarm| alarm.knowledge != Knowledge::UNKNOWN;
     assert!(!soak.alarms.iter().any(|alarm| configured(&alarm)), "{}", soak::text(&soak));
     assert!(soak.seconds > 3_600.0, "{soak:?}");
 }
