@@ -1,64 +1,36 @@
-//! A drawing of lines and texts without axes.
+//! Lines and texts of a drawing without axes.
 
 use super::svg::{Anchor, Canvas, Stroke};
 use super::{TEXT, colour};
 
-/// Lines and texts on a white page. Coordinates are in pixels from the upper left corner.
-///
-/// ```
-/// let mut drawing = chart::Drawing::new(100.0, 40.0, "A wire");
-/// drawing.line(&[(10.0, 20.0), (90.0, 20.0)]);
-/// assert!(drawing.svg().contains("polyline"));
-/// ```
-pub struct Drawing {
-    canvas: Canvas,
-}
-
-impl Drawing {
-    /// Creates an empty page. Screen readers read its title.
-    #[must_use]
-    pub fn new(width: f64, height: f64, title: &str) -> Self {
-        Self { canvas: Canvas::new(width, height, title) }
-    }
-
+impl Canvas {
     /// Draws a thin dark line through all points.
     pub fn line(&mut self, points: &[(f64, f64)]) {
-        self.canvas.polyline(points, Stroke { colour: colour::INK, width: 1.6, dash: "" });
+        self.polyline(points, Stroke { colour: colour::INK, width: 1.6, dash: "" });
     }
 
     /// Draws a broad coloured line through all points, with an arrow head in the middle between the points `head` and `head + 1`.
     pub fn path(&mut self, points: &[(f64, f64)], colour: &str, dashed: bool, head: usize) {
-        self.canvas.polyline(points, Stroke { colour, width: 3.4, dash: if dashed { "9 5" } else { "" } });
+        self.polyline(points, Stroke { colour, width: 3.4, dash: if dashed { "9 5" } else { "" } });
         if let Some(&[from, to]) = points.get(head..).and_then(|rest| rest.first_chunk()) {
-            self.canvas.polygon(&head_of(from, to), colour);
+            self.polygon(&head_of(from, to), colour);
         }
-    }
-
-    /// Draws a filled polygon.
-    pub fn polygon(&mut self, points: &[(f64, f64)]) {
-        self.canvas.polygon(points, colour::INK);
     }
 
     /// Draws a white disc with a dark rim.
     pub fn ring(&mut self, at: (f64, f64), radius: f64) {
-        self.canvas.disc(at, radius + 1.6, colour::INK);
-        self.canvas.disc(at, radius, "#ffffff");
+        self.disc(at, radius + 1.6, colour::INK);
+        self.disc(at, radius, "#ffffff");
     }
 
     /// Writes a text that begins at a point. `size` is in pixels.
     pub fn words(&mut self, at: (f64, f64), size: f64, text: &str) {
-        self.canvas.text(at, Anchor::Start, size, TEXT, text);
+        self.text(at, Anchor::Start, size, TEXT, text);
     }
 
     /// Writes a text whose middle is at a point. `size` is in pixels.
     pub fn centred(&mut self, at: (f64, f64), size: f64, text: &str) {
-        self.canvas.text(at, Anchor::Middle, size, TEXT, text);
-    }
-
-    /// Returns the drawing as an SVG document.
-    #[must_use]
-    pub fn svg(self) -> String {
-        self.canvas.finish()
+        self.text(at, Anchor::Middle, size, TEXT, text);
     }
 }
 

@@ -20,9 +20,9 @@ mod scale;
 mod svg;
 
 use scale::Scale;
-use svg::{Anchor, Canvas, Stroke};
+use svg::{Anchor, Stroke};
 
-pub use drawing::Drawing;
+pub use svg::Canvas;
 
 /// Colours for lines. Blue, red and green are from Okabe and Ito's set. Readers with deuteranopia (red-green blindness) can
 /// distinguish ink, blue, red and green. They can also distinguish ink and the three regimes. Tests check both.
@@ -207,7 +207,7 @@ impl Figure {
         }
         let middle = ((LEFT + right) / 2.0, top + 42.0);
         canvas.text(middle, Anchor::Middle, 14.0, TEXT, &self.x_label);
-        canvas.finish()
+        canvas.svg()
     }
 }
 

@@ -27,15 +27,22 @@ pub(super) struct Stroke<'a> {
     pub dash: &'a str,
 }
 
-/// An SVG document under construction.
-pub(super) struct Canvas {
+/// An SVG document under construction. Coordinates are in pixels from the upper left corner.
+///
+/// ```
+/// let mut drawing = chart::Canvas::new(100.0, 40.0, "A wire");
+/// drawing.line(&[(10.0, 20.0), (90.0, 20.0)]);
+/// assert!(drawing.svg().contains("polyline"));
+/// ```
+pub struct Canvas {
     body: String,
     clips: usize,
 }
 
 impl Canvas {
     /// Creates a white page of `width` x `height` pixels. Screen readers read its title.
-    pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
+    #[must_use]
+    pub fn new(width: f64, height: f64, title: &str) -> Self {
         let body = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
              viewBox=\"0 0 {width} {height}\" font-family=\"{FONT}\">\n\
@@ -46,8 +53,9 @@ impl Canvas {
         Self { body, clips: 0 }
     }
 
-    /// Ends the document.
-    pub(super) fn finish(mut self) -> String {
+    /// Ends and returns the document.
+    #[must_use]
+    pub fn svg(mut self) -> String {
         self.body.push_str("</svg>\n");
         self.body
     }
@@ -88,7 +96,7 @@ impl Canvas {
     }
 
     /// Draws a filled polygon.
-    pub(super) fn polygon(&mut self, points: &[(f64, f64)], fill: &str) {
+    pub fn polygon(&mut self, points: &[(f64, f64)], fill: &str) {
         let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         self.element(format_args!("<polygon points=\"{}\" fill=\"{fill}\"/>", corners.join(" ")));
     }

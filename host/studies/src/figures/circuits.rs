@@ -1,7 +1,7 @@
 //! The bridge of the paper's section 1.2: where the current flows in both states of each mode, by the direction in
 //! which the motor turns.
 
-use chart::{Drawing, colour};
+use chart::{Canvas, colour};
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Mode;
 
@@ -39,7 +39,7 @@ type Points = Vec<(f64, f64)>;
 #[must_use]
 pub fn circuits() -> String {
     let mut drawing =
-        Drawing::new(3.0 * WIDTH, TITLE + 2.0 * HEIGHT, "Where the current flows in an H bridge");
+        Canvas::new(3.0 * WIDTH, TITLE + 2.0 * HEIGHT, "Where the current flows in an H bridge");
     drawing.words((40.0, 34.0), 21.0, "Where the current flows, by mode (paper, section 1.2)");
     drawing.path(&[(40.0, 60.0), (76.0, 60.0)], colour::BLUE, false, 9);
     drawing.words((86.0, 64.5), 14.0, "first state, for the duty");
@@ -55,7 +55,7 @@ pub fn circuits() -> String {
 }
 
 /// One bridge with the paths of a regime's mode.
-fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), regime: Regime, clockwise: bool) {
+fn circuit(drawing: &mut Canvas, (x0, y0): (f64, f64), regime: Regime, clockwise: bool) {
     let mode = regime.mode(!clockwise);
     // The torque of braking and of reverse driving acts against the motion, so the current flows through the motor in
     // the other direction.
@@ -185,7 +185,7 @@ const HALVES: [(f64, f64); 4] = [(LEFT_X, UPPER), (LEFT_X, LOWER), (RIGHT_X, UPP
 /// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's
 /// first and in its second state.
 fn half(
-    drawing: &mut Drawing,
+    drawing: &mut Canvas,
     moved: &impl Fn(&[(f64, f64)]) -> Points,
     number: usize,
     (x, y): (f64, f64),
@@ -202,7 +202,7 @@ fn half(
     drawing.line(&moved(&[(x, y + 11.0), (x + lever, y - 11.0)]));
     let diode = x + DIODE * outwards;
     drawing.line(&moved(&[(x, y - LEAD), (diode, y - LEAD), (diode, y + LEAD), (x, y + LEAD)]));
-    drawing.polygon(&moved(&[(diode, y - 8.0), (diode - 8.0, y + 6.0), (diode + 8.0, y + 6.0)]));
+    drawing.polygon(&moved(&[(diode, y - 8.0), (diode - 8.0, y + 6.0), (diode + 8.0, y + 6.0)]), colour::INK);
     drawing.line(&moved(&[(diode - 8.0, y - 8.0), (diode + 8.0, y - 8.0)]));
     let is = match closed {
         [true, true] => "on",
