@@ -70,28 +70,25 @@ impl ChainLine {
     /// Delivers what the hubs have sent since the last call. Bytes that several hubs sent at the same time are damaged.
     /// Returns false if nothing was sent.
     pub(super) fn deliver(&self) -> bool {
-        self.0.borrow_mut().deliver()
-    }
-}
-
-impl Shared {
-    fn deliver(&mut self) -> bool {
-        let sent = std::mem::take(&mut self.sent);
+        let shared = &mut *self.0.borrow_mut();
+        let sent = std::mem::take(&mut shared.sent);
         let collides = sent.iter().any(|(from, _)| Some(from) != sent.first().map(|(first, _)| first));
         for (from, bytes) in &sent {
-            let late_ms = match self.fault {
+            let late_ms = match shared.fault {
                 Some(LineFault::Cut(hub)) if hub == *from => continue,
                 Some(LineFault::Late(hub, late_ms)) if hub == *from => late_ms,
                 _ => 0,
             };
-            let babbles = matches!(self.fault, Some(LineFault::Babbles(hub)) if hub != *from);
+            let babbles = matches!(shared.fault, Some(LineFault::Babbles(hub)) if hub != *from);
             let damage = u8::from(collides || babbles);
             let bytes: Vec<u8> = bytes.iter().map(|byte| byte ^ damage).collect();
-            self.arrive(*from, self.now_ms + late_ms, &bytes);
+            shared.arrive(*from, shared.now_ms + late_ms, &bytes);
         }
         !sent.is_empty()
     }
+}
 
+impl Shared {
     /// Lets the bytes of a hub arrive at all other hubs at this time. Bytes that arrive later stay behind them.
     fn arrive(&mut self, from: usize, at_ms: u64, bytes: &[u8]) {
         for (hub, incoming) in self.incoming.iter_mut().enumerate() {

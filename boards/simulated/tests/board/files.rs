@@ -168,6 +168,14 @@ fn a_mistake_is_refused_with_its_position_and_what_is_allowed() {
     for (table, says) in MISTAKEN_TABLES {
         refused(SOUND, &[("[[motors]]", &format!("{table}\n[[motors]]"), says)]);
     }
+    for between in ["[7.5, 15.0]", "[15.0, 15.0]", "[14.0, 24.1]", "[-1.0, 15.0]", "[14.0, NaN]"] {
+        let bus = format!("[bus]\nburn_between_v = {}\ncapacitance_f = 0.001\n", between.to_lowercase());
+        let says = format!(
+            "s.toml:7:18: burn_between_v = {between} is out of range; it needs [low, high] with low above 7.5 V, below \
+             high, and high up to 24 V"
+        );
+        refused(SOUND, &[("[[motors]]", &format!("{bus}[[motors]]"), &says)]);
+    }
     let unlimited = SOUND.replacen("resistance_ohm = ", "unlimited = true, resistance_ohm = ", 1);
     refused(&unlimited, &[("[[motors]]", "[bus]\ncapacitance_f = 0.001\n[[motors]]", "remove unlimited")]);
 }
@@ -198,17 +206,6 @@ fn a_motor_may_be_given_by_its_constants_in_the_place_of_a_name() {
             ("constants", "motor = \"AM 60 A\"\nconstants", "either"),
         ],
     );
-}
-
-#[test]
-fn energy_is_dissipated_between_two_voltages_that_the_hub_can_hold() {
-    let bus = "[bus]\ncapacitance_f = 0.001\nburn_between_v = [14.0, 15.5]\n[[motors]]";
-    for between in ["[7.5, 15]", "[15, 15]", "[14, 24.1]", "[-1, 15]", "[14, nan]"] {
-        let text = SOUND.replacen("[[motors]]", bus, 1).replace("[14.0, 15.5]", between);
-        let error = Scenario::parse("s.toml", &text).expect_err(between).to_string();
-        assert!(error.starts_with("s.toml:8:18: burn_between_v = ["), "{error}");
-        assert!(error.contains("low above 7.5 V, below high, and high up to 24 V"), "{error}");
-    }
 }
 
 #[test]
@@ -446,13 +443,6 @@ fn bases_with_a_gyro_must_be_alike() {
         parse(&second.replace("track_mm = 300", "track_mm = 150")).expect_err("two bases").to_string();
     let says = "s.toml:19:1: the hub has one drive base with use_gyro, and the base of the group \"base\" is another";
     assert!(error.starts_with(says), "{error}");
-}
-
-#[test]
-fn a_scheme_may_be_written_in_either_case() {
-    let text = SOUND.replace("scheme = \"D\"", "scheme = \"d\"");
-    let [upper, lower] = [SOUND, &text].map(|text| Scenario::parse("s.toml", text).expect("it is sound"));
-    assert_eq!(upper.motors[0].scheme, lower.motors[0].scheme);
 }
 
 #[test]
