@@ -39,15 +39,11 @@ pub enum Figure {
     Heading,
 }
 
-/// A task, and the figure that the reference reached with a period of 50 ms.
+/// A task.
 #[derive(Clone, Debug)]
 struct Task {
-    /// The task in words.
-    name: String,
-    /// The reference's figure; of several motors the worst.
-    reference: &'static str,
-    /// The kind of figure.
-    figure: Figure,
+    /// The row of the task, without verdicts.
+    row: Row,
     /// One scenario for each motor.
     scenarios: Vec<Scenario>,
     /// Index of the response in the scenario.
@@ -59,7 +55,7 @@ struct Task {
 pub struct Row {
     /// The task's name.
     pub name: String,
-    /// The reference's figure.
+    /// The figure that the reference reached with a period of 50 ms; of several motors the worst.
     pub reference: &'static str,
     /// The kind of figure.
     pub figure: Figure,
@@ -88,36 +84,42 @@ fn tasks() -> Result<Vec<Task>, StudyError> {
     let flywheel = |speeds: &[(f64, i32)]| plan("AM 20 A", 0.006, &velocities(speeds));
     let winch = |speeds: &[(f64, i32)]| plan("AM 60 A", 0.05, &velocities(speeds));
     let mut all = Vec::new();
-    let mut task = |name: &str, reference, figure, response, scenario: Scenario| {
-        all.push(Task { name: name.to_owned(), reference, figure, scenarios: vec![scenario], response });
+    let mut task = |name: &str, reference, figure, response, scenarios: Vec<Scenario>| {
+        let motor = scenarios.first().and_then(|scenario| scenario.motors.first());
+        let speed = match motor.and_then(|motor| motor.setpoints.last()).map(|timed| timed.value) {
+            Some(Setpoint::Velocity(cps)) => cps.to_f64(),
+            _ => 0.0,
+        };
+        let row = Row { name: name.to_owned(), reference, figure, speed, ..Row::default() };
+        all.push(Task { row, scenarios, response });
     };
     use Figure::{Offset, Rms, Settling};
     let up_and_down = flywheel(&[(0.5, 2330), (5.0, 875)])?;
-    task("flywheel 0 -> 2330", "0.35/0.4", Settling, 0, up_and_down.clone());
-    task("flywheel 80 -> 30 %", "0.19/0.5", Settling, 1, up_and_down);
+    task("flywheel 0 -> 2330", "0.35/0.4", Settling, 0, vec![up_and_down.clone()]);
+    task("flywheel 80 -> 30 %", "0.19/0.5", Settling, 1, vec![up_and_down]);
     let pushed = with_torque(winch(&[(0.5, 1360)])?, 4.0, 0.8);
-    task("winch 0 -> 1360", "0.27/0.4", Settling, 0, pushed.clone());
-    task("winch +0.8 N m", "0.23/10.2", Settling, 1, pushed);
-    task("winch 2176 -> 816", "0.20/0.4", Settling, 1, winch(&[(0.5, 2176), (4.0, 816)])?);
-    task("winch 1632 -> -1632", "0.44/0.1", Settling, 1, winch(&[(0.5, 1632), (4.0, -1632)])?);
+    task("winch 0 -> 1360", "0.27/0.4", Settling, 0, vec![pushed.clone()]);
+    task("winch +0.8 N m", "0.23/10.2", Settling, 1, vec![pushed]);
+    task("winch 2176 -> 816", "0.20/0.4", Settling, 1, vec![winch(&[(0.5, 2176), (4.0, 816)])?]);
+    task("winch 1632 -> -1632", "0.44/0.1", Settling, 1, vec![winch(&[(0.5, 1632), (4.0, -1632)])?]);
     let arm = arm()?;
-    task("arm 0 -> 4000", "2.48/0.1", Settling, 0, arm.clone());
-    task("arm 4000 -> 500", "2.18/0", Settling, 1, arm.clone());
-    task("arm 4000 -> 500, last error", "<= 1 count", Offset, 1, arm);
-    task("0.5 kg m2 0 -> 5000", "4.08/0", Settling, 0, plan("AM 60 A", 0.5, &[position(0.5, 5000)])?);
+    task("arm 0 -> 4000", "2.48/0.1", Settling, 0, vec![arm.clone()]);
+    task("arm 4000 -> 500", "2.18/0", Settling, 1, vec![arm.clone()]);
+    task("arm 4000 -> 500, last error", "<= 1 count", Offset, 1, vec![arm]);
+    task("0.5 kg m2 0 -> 5000", "4.08/0", Settling, 0, vec![plan("AM 60 A", 0.5, &[position(0.5, 5000)])?]);
     task(
         "Matrix 12 V bare 0 -> 3000",
         "1.36/0.1",
         Settling,
         0,
-        plan("Matrix A", 0.0, &[position(0.5, 3000)])?,
+        vec![plan("Matrix A", 0.0, &[position(0.5, 3000)])?],
     );
     task(
         "winch 0, +0.4 N m: offset",
         "14 counts",
         Offset,
         1,
-        with_torque(plan("AM 60 A", 0.05, &[position(0.5, 0)])?, 4.0, 0.4),
+        vec![with_torque(plan("AM 60 A", 0.05, &[position(0.5, 0)])?, 4.0, 0.4)],
     );
     let speeds = [5, 10, 20, 50];
     for (friction, name, references) in [
@@ -131,8 +133,7 @@ fn tasks() -> Result<Vec<Task>, StudyError> {
                 scenario.motors.iter_mut().for_each(|motor| motor.set_friction(friction));
                 scenarios.push(scenario);
             }
-            let name = format!("{cps} counts/s{name}, rms");
-            all.push(Task { name, reference, figure: Rms, scenarios, response: 0 });
+            task(&format!("{cps} counts/s{name}, rms"), reference, Rms, 0, scenarios);
         }
     }
     Ok(all)
@@ -187,7 +188,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
     let total = responses + runs(BASE_TASKS.len());
     let work = |task: &Task, configured, ms| {
         let late =
-            (task.figure == Figure::Settling).then(|| worst(task, true, configured, ms)).transpose()?;
+            (task.row.figure == Figure::Settling).then(|| worst(task, true, configured, ms)).transpose()?;
         Ok((worst(task, false, configured, ms)?, late))
     };
     let verdicts = parallel::at_all_periods(&tasks, &PERIODS, work, &mut |done, _| progress(done, total))?;
@@ -196,28 +197,15 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
         let [(configured, configured_late), (unknown, unknown_late)] =
             verdicts.map(|both| both.into_iter().unzip::<_, _, Vec<_>, Vec<_>>());
         rows.push(Row {
-            speed: speed(&task),
-            name: task.name,
-            reference: task.reference,
-            figure: task.figure,
             configured,
             unknown,
             configured_late: configured_late.into_iter().flatten().collect(),
             unknown_late: unknown_late.into_iter().flatten().collect(),
-            ..Row::default()
+            ..task.row
         });
     }
     rows.extend(base_rows(&mut |done, _| progress(responses + done, total))?);
     Ok(rows)
-}
-
-/// The speed set-point of a task in counts/s; 0 for a position.
-fn speed(task: &Task) -> f64 {
-    let setpoints = task.scenarios.first().and_then(|scenario| scenario.motors.first()).map(|m| &m.setpoints);
-    match setpoints.and_then(|setpoints| setpoints.last()).map(|timed| timed.value) {
-        Some(Setpoint::Velocity(cps)) => cps.to_f64(),
-        _ => 0.0,
-    }
 }
 
 /// Returns the verdict on one motor of the task: the motor with the largest rms error in the last second.
