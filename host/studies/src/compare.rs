@@ -13,7 +13,7 @@ mod text;
 mod tuning;
 mod variant;
 
-use crate::{NamedFigure, StudyError};
+use crate::StudyError;
 use row::Row;
 use serde::Serialize;
 use serde_json::json;
@@ -108,10 +108,5 @@ impl Comparison {
             "scores": score::scores(&self.rounds),
             "files": files,
         })
-    }
-
-    /// A chart of each task in each round.
-    pub fn figures(&self) -> Vec<NamedFigure> {
-        charts::all(&self.rounds)
     }
 }

@@ -90,7 +90,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, expectation: &Expe
     if samples.is_empty() {
         return None;
     }
-    let measures = Measures::between(motor, window_s.clone(), trace, index);
+    let measures = Measures::new(motor, window_s.clone(), trace, index);
     let worst = |of: &dyn Fn(&Response) -> Option<f64>| {
         measures.responses.iter().filter_map(of).reduce(f64::max).map(Measured::Number)
     };

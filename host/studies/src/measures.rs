@@ -7,7 +7,7 @@
 //!
 //! let scenario = Scenario { duration_s: 1.0, ..Scenario::default_one()? };
 //! let trace = sim::run(&scenario, &mut |_| ())?;
-//! let measures = Measures::new(&scenario.motors[0], scenario.duration_s, &trace, 0);
+//! let measures = Measures::new(&scenario.motors[0], 0.0..scenario.duration_s, &trace, 0);
 //! assert!(measures.energy_from_battery_j > measures.energy_to_battery_j);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -122,13 +122,8 @@ impl Goal {
 }
 
 impl Measures {
-    /// Measures one motor's part in a run of `duration_s` seconds.
-    pub fn new(motor: &Motor, duration_s: f64, trace: &Trace, index: usize) -> Self {
-        Self::between(motor, 0.0..duration_s, trace, index)
-    }
-
-    /// As [`Measures::new`], for a part of the run.
-    pub fn between(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
+    /// Measures one motor's part in a run, from a time to another in seconds.
+    pub fn new(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {

@@ -79,7 +79,7 @@ impl Overlay {
         let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
         for (index, (motor, apart)) in self.scenario.motors.iter().zip(self.apart()).enumerate() {
             let measures = [&self.emulated, &self.simulated]
-                .map(|trace| Measures::new(motor, self.scenario.duration_s, trace, index));
+                .map(|trace| Measures::new(motor, 0.0..self.scenario.duration_s, trace, index));
             let table = side_by_side(motor, ["emulated chip", "simulated board"], &measures);
             out += &format!(
                 "{table}\nApart by at most {:.1} counts/s (rms {:.1}) and {} counts\n\n",

@@ -7,7 +7,7 @@ pub(crate) mod tables;
 
 use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
-use crate::{NamedFigure, table, with_fields};
+use crate::with_fields;
 use serde_json::json;
 use simulated::scenario::{Motor, Scenario};
 use simulated::scheme::SchemeWords;
@@ -31,7 +31,7 @@ impl RunReport {
     /// Compares the trace of a scenario with the trace of [`Scenario::without_braking`].
     pub fn new(scenario: Scenario, as_set: Trace, without: Trace) -> Self {
         let measures = scenario.motors.iter().enumerate().map(|(index, motor)| {
-            [&as_set, &without].map(|trace| Measures::new(motor, scenario.duration_s, trace, index))
+            [&as_set, &without].map(|trace| Measures::new(motor, 0.0..scenario.duration_s, trace, index))
         });
         let measures = measures.collect();
         let verdicts = judge(&scenario, &as_set);
@@ -41,16 +41,6 @@ impl RunReport {
     /// The scenario's expectations of the run with its own schemes, and whether they are met.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts
-    }
-
-    /// The result in a sentence: the response whose settling time differs most with and without braking.
-    pub fn headline(&self) -> String {
-        headline::headline(self)
-    }
-
-    /// The headline and the tables.
-    pub fn tables(&self) -> String {
-        format!("{}\n\n{}", table::paragraph(&self.headline()), tables::all(self))
     }
 
     /// The results as JSON, for programs.
@@ -83,10 +73,5 @@ impl RunReport {
             ("trace.csv", csv::of(&self.scenario, &self.as_set)),
             ("trace-none.csv", csv::of(&self.scenario, &self.without)),
         ]
-    }
-
-    /// A chart of each motor, and one of all motors with and without a braking regime.
-    pub fn figures(&self) -> Vec<NamedFigure> {
-        figures::all(self)
     }
 }

@@ -28,7 +28,6 @@ mod text;
 
 pub use responses::{Kind, Verdict};
 
-use crate::page::Page;
 use crate::settling::{Change, Goal, changes};
 use crate::{NamedFigure, StudyError};
 use motor_hub::braking::DutyRule;
@@ -189,12 +188,6 @@ pub struct Results {
 }
 
 impl Results {
-    /// The result in a sentence, then the tables of every part with this many of the worst responses.
-    #[must_use]
-    pub fn page(&self, worst: usize) -> Page {
-        text::page(self, worst)
-    }
-
     /// A chart of every part.
     #[must_use]
     pub fn figures(&self) -> Vec<NamedFigure> {

@@ -2,7 +2,7 @@
 
 use super::row::Row;
 use super::variant::Variant;
-use super::{Round, TaskResult};
+use super::{Comparison, Round, TaskResult};
 use crate::NamedFigure;
 use crate::report::figures::velocity_goal;
 use chart::{Figure, Panel, Series, Style, colour};
@@ -10,13 +10,15 @@ use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::regulator::Kind;
 use simulated::trace::Sample;
 
-/// Every chart with the name of its file.
-pub(super) fn all(rounds: &[Round]) -> Vec<NamedFigure> {
-    let of_round = |round: &'_ Round| -> Vec<_> {
-        let name = |result: &TaskResult| format!("{}-{}", result.task.key, round.tuning.key);
-        round.tasks.iter().map(|result| (name(result), figure(round, result))).collect()
-    };
-    rounds.iter().flat_map(of_round).collect()
+impl Comparison {
+    /// A chart of each task in each round.
+    pub fn figures(&self) -> Vec<NamedFigure> {
+        let of_round = |round: &'_ Round| -> Vec<_> {
+            let name = |result: &TaskResult| format!("{}-{}", result.task.key, round.tuning.key);
+            round.tasks.iter().map(|result| (name(result), figure(round, result))).collect()
+        };
+        self.rounds.iter().flat_map(of_round).collect()
+    }
 }
 
 fn figure(round: &Round, result: &TaskResult) -> Figure {

@@ -70,7 +70,7 @@ impl Row {
         }
         let trace = sim::run(&scenario, &mut |_| ())?;
         let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
-        let measures = Measures::between(motor, task.event_s..scenario.duration_s, &trace, 0);
+        let measures = Measures::new(motor, task.event_s..scenario.duration_s, &trace, 0);
         let response = measures.responses.first().ok_or(StudyError::NoEvent)?.clone();
         let fault = trace.motor(0).any(|(_, sample)| sample.report.faults.encoder.is_some());
         Ok(Self { variant, gains, measures, response, fault, trace })

@@ -14,14 +14,16 @@ use simulated::trace::{Sample, Tick, Trace};
 /// Label of panels with the motor's current.
 const CURRENT: &str = "motor current, A, mean of a control period";
 
-/// Every chart with the name of its file.
-pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
-    let motors = comparison.scenario.motors.iter().enumerate();
-    let single = motors.map(|(index, motor)| {
-        let figure = of_motor(&comparison.scenario, &comparison.as_set, index, motor);
-        (format!("motor-{index}-{}", file_name(&motor.label)), figure)
-    });
-    single.chain([("comparison".to_owned(), compared(comparison))]).collect()
+impl RunReport {
+    /// A chart of each motor, and one of all motors with and without a braking regime.
+    pub fn figures(&self) -> Vec<NamedFigure> {
+        let motors = self.scenario.motors.iter().enumerate();
+        let single = motors.map(|(index, motor)| {
+            let figure = of_motor(&self.scenario, &self.as_set, index, motor);
+            (format!("motor-{index}-{}", file_name(&motor.label)), figure)
+        });
+        single.chain([("comparison".to_owned(), compared(self))]).collect()
+    }
 }
 
 fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> Figure {

@@ -31,17 +31,19 @@ impl Pair<'_> {
     }
 }
 
-/// A sentence about the responses, or about the energy if no set-point is regulated. A second sentence says whether the
-/// expectations are met.
-pub(super) fn headline(report: &RunReport) -> String {
-    let result = result(report);
-    let all = report.verdicts.len();
-    let met = report.verdicts.iter().filter(|verdict| verdict.met()).count();
-    match all {
-        0 => result,
-        1 if met == 1 => format!("{result} The expectation is met."),
-        _ if met == all => format!("{result} All {all} expectations are met."),
-        _ => format!("{result} {} of {all} expectations are not met.", all - met),
+impl RunReport {
+    /// The result in a sentence: the response whose settling time differs most with and without braking, or the energies
+    /// if no set-point is regulated. A second sentence says whether the expectations are met.
+    pub fn headline(&self) -> String {
+        let result = result(self);
+        let all = self.verdicts.len();
+        let met = self.verdicts.iter().filter(|verdict| verdict.met()).count();
+        match all {
+            0 => result,
+            1 if met == 1 => format!("{result} The expectation is met."),
+            _ if met == all => format!("{result} All {all} expectations are met."),
+            _ => format!("{result} {} of {all} expectations are not met.", all - met),
+        }
     }
 }
 

@@ -18,31 +18,32 @@ lowest value in the last second before the next change. Deceleration jerk: chang
 control period to the next while the motor slows down (N m: at the output shaft). Energies are of the motor's own
 bridge.";
 
-pub(super) fn all(comparison: &RunReport) -> String {
-    let scenario = &comparison.scenario;
-    let mut out = format!(
-        "{}: {} s, control period {} ms, seed {}\n\n",
-        scenario.name,
-        scenario.duration_s,
-        scenario.period.as_millis(),
-        scenario.seed
-    );
-    for (motor, measures) in scenario.motors.iter().zip(&comparison.measures) {
-        let runs = [&scheme::describe(motor.scheme), WITHOUT];
-        out.push_str(&format!("{}\n", side_by_side(motor, runs, measures)));
+impl RunReport {
+    /// The headline and the tables.
+    pub fn tables(&self) -> String {
+        let Self { scenario, measures, verdicts, .. } = self;
+        let mut out = format!(
+            "{}\n\n{}: {} s, control period {} ms, seed {}\n\n",
+            table::paragraph(&self.headline()),
+            scenario.name,
+            scenario.duration_s,
+            scenario.period.as_millis(),
+            scenario.seed
+        );
+        for (motor, measures) in scenario.motors.iter().zip(measures) {
+            let runs = [&scheme::describe(motor.scheme), WITHOUT];
+            out += &format!("{}\n", side_by_side(motor, runs, measures));
+        }
+        out += &format!("{}\n", table::paragraph(&format!("{} {DEFINITIONS}", settling::definitions())));
+        if !verdicts.is_empty() {
+            out += &format!("\n{}\n", expectations(verdicts));
+        }
+        out
     }
-    out.push_str(&table::paragraph(&format!("{} {DEFINITIONS}", settling::definitions())));
-    out.push('\n');
-    if !comparison.verdicts.is_empty() {
-        out.push('\n');
-        out.push_str(&expectations(&comparison.verdicts));
-        out.push('\n');
-    }
-    out
 }
 
 /// A table of the expectations with their measurements and verdicts.
-fn expectations(verdicts: &[Verdict]) -> String {
+fn expectations(verdicts: &[Verdict]) -> Table {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
         let Verdict { subject, window_s, expected, measured } = verdict;
@@ -50,7 +51,7 @@ fn expectations(verdicts: &[Verdict]) -> String {
         let met = if verdict.met() { "met" } else { "NOT MET" };
         table.add_row([subject.clone(), window, expected.to_string(), measured.to_string(), met.to_owned()]);
     }
-    table.to_string()
+    table
 }
 
 /// A table of a motor's measures in two runs with these names.

@@ -8,19 +8,22 @@ use crate::table::{self, Table};
 use motor_hub::braking::DutyRule;
 use simulated::scheme::describe;
 
-/// The result in a sentence, then the tables of every part with this many of the worst responses.
-pub(super) fn page(results: &Results, worst: usize) -> Page {
-    let mut page = Page::new(headline(results));
-    if let Some(rows) = &results.reference {
-        reference(&mut page, rows);
+impl Results {
+    /// The result in a sentence, then the tables of every part with this many of the worst responses.
+    #[must_use]
+    pub fn page(&self, worst: usize) -> Page {
+        let mut page = Page::new(headline(self));
+        if let Some(rows) = &self.reference {
+            reference(&mut page, rows);
+        }
+        if let Some(cells) = &self.cells {
+            bare_motors(&mut page, cells);
+        }
+        if let Some(survey) = &self.survey {
+            random(&mut page, survey, worst);
+        }
+        page
     }
-    if let Some(cells) = &results.cells {
-        bare_motors(&mut page, cells);
-    }
-    if let Some(survey) = &results.survey {
-        random(&mut page, survey, worst);
-    }
-    page
 }
 
 /// How many responses settle configured exactly, and not configured.
