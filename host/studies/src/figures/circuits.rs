@@ -122,8 +122,7 @@ fn driving() -> [Points; 2] {
         (left, MOTOR + BESIDE),
         (RIGHT_X + BESIDE, MOTOR + BESIDE),
     ];
-    let [up, rest @ ..] = &upper_diode();
-    [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
+    [first, through_upper_diode(&second)]
 }
 
 /// Paths of two currents: to the right through S4 and S2, and through D3, battery and D2.
@@ -145,15 +144,15 @@ fn braking() -> [Points; 2] {
         (inner, MOTOR - BESIDE),
         (RIGHT_X + BESIDE, MOTOR - BESIDE),
     ];
-    let [up, rest @ ..] = &upper_diode();
-    [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
+    [first, through_upper_diode(&second)]
 }
 
-/// Path of a current that flows up through D3.
-fn upper_diode() -> [(f64, f64); 4] {
+/// A path that begins above D3, and ends there after it has come up through D3.
+fn through_upper_diode(path: &[(f64, f64)]) -> Points {
     let [inner, outer] = [RIGHT_X + BESIDE, RIGHT_X + DIODE + BESIDE];
     let [low, high] = [UPPER + LEAD + BESIDE, UPPER - LEAD - BESIDE];
-    [(inner, low), (outer, low), (outer, high), (inner, high)]
+    let diode = [(inner, low), (outer, low), (outer, high), (inner, high)];
+    [&[(inner, high)], path, &diode].concat()
 }
 
 /// The path in the other half of the bridge. Points at the battery stay.

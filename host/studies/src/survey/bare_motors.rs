@@ -1,6 +1,6 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
-use super::parallel;
+use super::{Knowledge, parallel};
 use super::responses::{Verdict, judge, watch};
 use super::time_constant;
 use crate::settling::changes;
@@ -53,7 +53,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, Stu
     let verdicts = parallel::at_all_periods(
         &cases,
         &PERIODS,
-        |&(motor, mode), configured, ms| both(&scenario(motor, mode == "velocity"), configured, ms),
+        |&(motor, mode), knowledge, ms| both(&scenario(motor, mode == "velocity"), knowledge, ms),
         progress,
     )?;
     let bare_motors = cases.iter().zip(verdicts).map(|((motor, mode), [configured, unknown])| BareMotor {
@@ -86,8 +86,8 @@ fn scenario(constants: catalogue::Motor, by_speed: bool) -> Scenario {
     Scenario::new("cell", 2.0 * length, vec![motor])
 }
 
-fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
-    let scenario = parallel::variant(scenario, configured, period_ms)?;
+fn both(scenario: &Scenario, knowledge: Knowledge, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
+    let scenario = parallel::variant(scenario, knowledge, period_ms)?;
     let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
     match (changes(motor, scenario.duration_s).as_slice(), watch(&scenario)?.first()) {
         ([first, second], Some(track)) => Ok([judge(first, track), judge(second, track)]),

@@ -12,9 +12,9 @@ const SHOWN_S: f64 = 4.0;
 type Times = Vec<Option<f64>>;
 
 /// Name and colour of curves with the motor configured exactly.
-const CONFIGURED: (&str, &str) = ("configured exactly", colour::BLUE);
+const CONFIGURED: (&str, &str) = (Knowledge::EXACT.name, colour::BLUE);
 /// Name and colour of curves with the motor not configured.
-const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
+const UNKNOWN: (&str, &str) = (Knowledge::UNKNOWN.name, colour::RED);
 
 /// The tasks of the reference, at all periods.
 pub(super) fn reference(rows: &[Row]) -> NamedFigure {

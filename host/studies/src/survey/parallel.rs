@@ -1,5 +1,6 @@
 //! Does independent work on all cores of the processor.
 
+use super::Knowledge;
 use crate::StudyError;
 use motor_hub::units::Period;
 use simulated::scenario::Scenario;
@@ -38,32 +39,36 @@ pub(super) fn map<T: Sync, R: Send>(
     all.into_iter().map(|(_, result)| result).collect()
 }
 
-/// The results of `work` for every item at every period in ms: first configured (`true`), then not configured.
+/// The results of `work` for every item at every period in ms: first configured exactly, then not configured.
 /// `progress` gets the number of finished runs and the number of all runs.
 pub(super) fn at_all_periods<T: Sync, R: Send>(
     items: &[T],
     periods: &[u32],
-    work: impl Fn(&T, bool, u32) -> Result<R, StudyError> + Sync,
+    work: impl Fn(&T, Knowledge, u32) -> Result<R, StudyError> + Sync,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<[Vec<R>; 2]>, StudyError> {
     let mut cases = Vec::new();
     for item in items {
-        for configured in [true, false] {
-            cases.extend(periods.iter().map(|&ms| (item, configured, ms)));
+        for knowledge in [Knowledge::EXACT, Knowledge::UNKNOWN] {
+            cases.extend(periods.iter().map(|&ms| (item, knowledge, ms)));
         }
     }
     let total = cases.len();
-    let run = |&(item, configured, ms): &(&T, bool, u32)| work(item, configured, ms);
+    let run = |&(item, knowledge, ms): &(&T, Knowledge, u32)| work(item, knowledge, ms);
     let results = map(&cases, run, |done| progress(done, total));
     let mut results = results.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
     let mut of_item = || [(); 2].map(|()| results.by_ref().take(periods.len()).collect());
     Ok(items.iter().map(|_| of_item()).collect())
 }
 
-/// The scenario at this control period. If `configured` is false, the motion of its motors is not configured.
-pub(super) fn variant(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<Scenario, StudyError> {
+/// The scenario at this control period, with its motors configured like this.
+pub(super) fn variant(
+    scenario: &Scenario,
+    knowledge: Knowledge,
+    period_ms: u32,
+) -> Result<Scenario, StudyError> {
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;
-    scenario.motors.iter_mut().for_each(|motor| motor.configuration.is_motion_known = configured);
+    knowledge.configure(&mut scenario);
     Ok(scenario)
 }

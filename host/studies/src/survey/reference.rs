@@ -2,7 +2,7 @@
 //! regulator was written. Tasks of a drive base have no reference figures: the result is the largest difference between
 //! the heading of the base and the heading of its references.
 
-use super::parallel;
+use super::{Knowledge, parallel};
 use super::responses::{Verdict, judge, watch};
 use crate::StudyError;
 use crate::groups::HeadingError;
@@ -186,10 +186,10 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
     let runs = |tasks: usize| 2 * tasks * PERIODS.len();
     let responses = runs(tasks.len());
     let total = responses + runs(BASE_TASKS.len());
-    let work = |task: &Task, configured, ms| {
+    let work = |task: &Task, knowledge, ms| {
         let late =
-            (task.row.figure == Figure::Settling).then(|| worst(task, true, configured, ms)).transpose()?;
-        Ok((worst(task, false, configured, ms)?, late))
+            (task.row.figure == Figure::Settling).then(|| worst(task, true, knowledge, ms)).transpose()?;
+        Ok((worst(task, false, knowledge, ms)?, late))
     };
     let verdicts = parallel::at_all_periods(&tasks, &PERIODS, work, &mut |done, _| progress(done, total))?;
     let mut rows = Vec::new();
@@ -209,10 +209,10 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
 }
 
 /// Returns the verdict on one motor of the task: the motor with the largest rms error in the last second.
-fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
+fn worst(task: &Task, late: bool, knowledge: Knowledge, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {
-        let mut scenario = parallel::variant(scenario, configured, period_ms)?;
+        let mut scenario = parallel::variant(scenario, knowledge, period_ms)?;
         if late {
             // Set-points and torques at 0 s are not delayed.
             for motor in &mut scenario.motors {
@@ -282,8 +282,8 @@ fn base_rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyEr
 }
 
 /// The largest heading error of a run in degrees; infinite after a fault of a wheel's encoder.
-fn heading_error(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64, StudyError> {
-    let scenario = parallel::variant(scenario, configured, period_ms)?;
+fn heading_error(scenario: &Scenario, knowledge: Knowledge, period_ms: u32) -> Result<f64, StudyError> {
+    let scenario = parallel::variant(scenario, knowledge, period_ms)?;
     let group = scenario.groups.first().ok_or(StudyError::NoEvent)?;
     let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
     let mut largest = 0.0;

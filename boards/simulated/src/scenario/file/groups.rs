@@ -9,6 +9,7 @@ use crate::scenario::types::{Group, Motor};
 use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, Halt};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use toml::Spanned;
 
 #[derive(Deserialize)]
@@ -78,9 +79,8 @@ impl GroupTable {
         for label in &self.motors {
             members.push(find("motor", label, all.iter().map(|motor| &motor.label))?);
         }
-        let twice =
-            members.iter().enumerate().any(|(n, member)| members.iter().skip(n + 1).any(|m| m == member));
-        if twice || members.len() < 2 {
+        let different = members.iter().collect::<BTreeSet<_>>().len();
+        if different < members.len() || members.len() < 2 {
             return Err("a group needs two motors or more, each named once".to_owned());
         }
         Ok(members)
