@@ -12,7 +12,7 @@
 //!
 //! // The hub is served until the process ends. `motor-hub client --tcp 127.0.0.1:7070 status` finds the hub.
 //! let line = serve::tcp("127.0.0.1:7070")?;
-//! let hubs = Hubs::one(Address::DEFAULT);
+//! let hubs = Hubs::chain(vec![Address::DEFAULT]);
 //! serve::run(&Scenario::default_one()?, &hubs, line, None, &mut |_| (), &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -120,13 +120,7 @@ pub struct Hubs {
 }
 
 impl Hubs {
-    /// One hub.
-    #[must_use]
-    pub fn one(address: Address) -> Self {
-        Self::chain(vec![address])
-    }
-
-    /// A chain of the hubs with these addresses. The first hub has the line to the host.
+    /// The hubs with these addresses, a chain if there are several. The first hub has the line to the host.
     #[must_use]
     pub fn chain(addresses: Vec<Address>) -> Self {
         let line = ChainLine::new(addresses.len());

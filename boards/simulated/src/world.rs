@@ -14,7 +14,6 @@
 //! assert!(board.view().motors[0].0 > 0.0, "it turns");
 //! ```
 
-use crate::bno055::Bno055;
 use crate::current_line::CurrentLine;
 use crate::encoder::Counter;
 use crate::ground::Ground;
@@ -223,11 +222,6 @@ impl Board {
     /// Returns where the drive base is.
     pub fn pose(&self) -> Pose {
         self.0.borrow().ground.pose()
-    }
-
-    /// Uses the inertial sensor on I2C bus 0.
-    pub fn with_imu<T>(&self, act: impl FnOnce(&mut Bno055) -> T) -> T {
-        self.with_i2c(|devices| act(&mut devices.imu))
     }
 
     pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {

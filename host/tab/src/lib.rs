@@ -143,7 +143,7 @@ impl Simulation {
         let hub = async move {
             let scenario = Scenario::to_serve();
             let mut change = |now: &mut _| *now = world.interventions();
-            let hubs = Hubs::one(Address::DEFAULT);
+            let hubs = Hubs::chain(vec![Address::DEFAULT]);
             let _ = serve::steps(&scenario, &hubs, line, None, &mut change, &mut |_| true).await;
         };
         Self { hub: Box::pin(hub), host, begun_ms: now_ms() as i64, steps: 0 }

@@ -199,25 +199,6 @@ fn heading_grows_clockwise_and_rate_and_quaternion_to_the_left() {
 }
 
 #[test]
-fn the_inertial_sensor_turns_with_the_wheels_of_motors_0_and_1() {
-    let mut board = board(&[BRIDGE; 2]);
-    // The right wheel drives forward, so the base turns left: headings grow clockwise.
-    let forward = Drive { mode: Mode::Cw98, duty: Duty::ONE };
-    board.run(Seconds(1.0), &[0.0; 2]);
-    board.with_imu(|imu| imu.write(&[0x3D, 8]));
-    board.run(Seconds(0.02), &[0.0; 2]);
-    board.apply(&[Drive::COAST, forward, Drive::COAST, Drive::COAST]);
-    for _ in 0..500 {
-        board.run(Seconds(1e-3), &[0.0; 2]);
-    }
-    let counts = board.view().motors.iter().map(|(_, counts)| *counts as f64 / 1680.0).collect::<Vec<_>>();
-    let turned = (counts[1] - counts[0]) * 0.5 * 90.0 / 300.0;
-    assert!(turned > 0.05, "{turned} turns");
-    let heading = f64::from(board.with_imu(|imu| word(imu, 0x1A))) / 16.0;
-    assert!((heading - 360.0 * (1.0 - turned.fract())).abs() < 0.5, "{heading} {turned}");
-}
-
-#[test]
 fn a_scenario_says_what_is_connected() {
     let text = "name = \"x\"\nduration_s = 1\nbattery = { emf_v = 12, resistance_ohm = 0.1 }\n\
                 attached = { analog_v = [1.5, 3.3], low_pins = [2], i2c_faults = [\"none\", \"stuck-clock\"] }\n\
