@@ -26,9 +26,12 @@ pub struct SchemeName(pub Scheme);
 #[serde(try_from = "NumberOrAuto")]
 pub struct BlendChoice(pub Blend);
 
-/// What is wrong with a blend.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BlendError {
+/// What is wrong with a scheme or its blend.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SchemeError {
+    /// There is no scheme of this name.
+    #[error("unknown scheme `{0}`, expected one of `none`, `A`, `B`, `C`, `D`")]
+    Unknown(String),
     /// The blend is neither a number from 0 to 1 nor "auto".
     #[error("a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"")]
     OutOfRange,
@@ -36,11 +39,6 @@ pub enum BlendError {
     #[error("a blend is allowed with scheme D only")]
     NotD,
 }
-
-/// There is no scheme of this name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown scheme `{0}`, expected one of `none`, `A`, `B`, `C`, `D`")]
-pub struct UnknownScheme(String);
 
 /// Returns the name of a scheme, without the blend of scheme D.
 const fn name(scheme: Scheme) -> &'static str {
@@ -54,17 +52,17 @@ const fn name(scheme: Scheme) -> &'static str {
 }
 
 impl FromStr for SchemeName {
-    type Err = UnknownScheme;
+    type Err = SchemeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         // The first scheme D in the list has the automatic blend.
         let named = Scheme::ALL.into_iter().find(|scheme| name(*scheme).eq_ignore_ascii_case(text));
-        named.map(Self).ok_or_else(|| UnknownScheme(text.to_owned()))
+        named.map(Self).ok_or_else(|| SchemeError::Unknown(text.to_owned()))
     }
 }
 
 impl TryFrom<String> for SchemeName {
-    type Error = UnknownScheme;
+    type Error = SchemeError;
 
     fn try_from(text: String) -> Result<Self, Self::Error> {
         text.parse()
@@ -73,33 +71,33 @@ impl TryFrom<String> for SchemeName {
 
 impl SchemeName {
     /// Returns the scheme with a blend, which only scheme D has. Scheme D without a blend blends automatically.
-    pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
+    pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, SchemeError> {
         match (self.0, blend) {
             (scheme, None) => Ok(scheme),
             (Scheme::D(_), Some(BlendChoice(blend))) => Ok(Scheme::D(blend)),
-            (_, Some(_)) => Err(BlendError::NotD),
+            (_, Some(_)) => Err(SchemeError::NotD),
         }
     }
 }
 
 impl BlendChoice {
     /// A blend that is the same at all speeds: 0 to 1, in steps of 2^-16.
-    pub fn fixed(blend: f64) -> Result<Self, BlendError> {
+    pub fn fixed(blend: f64) -> Result<Self, SchemeError> {
         if !(0.0..=1.0).contains(&blend) {
-            return Err(BlendError::OutOfRange);
+            return Err(SchemeError::OutOfRange);
         }
         let bits = (blend * f64::from(BlendFraction::ONE.to_bits())).round() as u32;
-        BlendFraction::from_bits(bits).map(|b| Self(Blend::Fixed(b))).map_err(|_| BlendError::OutOfRange)
+        BlendFraction::from_bits(bits).map(|b| Self(Blend::Fixed(b))).map_err(|_| SchemeError::OutOfRange)
     }
 }
 
 impl FromStr for BlendChoice {
-    type Err = BlendError;
+    type Err = SchemeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text {
             "auto" => Ok(Self(Blend::Automatic)),
-            _ => text.parse().map_err(|_| BlendError::OutOfRange).and_then(Self::fixed),
+            _ => text.parse().map_err(|_| SchemeError::OutOfRange).and_then(Self::fixed),
         }
     }
 }
@@ -113,7 +111,7 @@ enum NumberOrAuto {
 }
 
 impl TryFrom<NumberOrAuto> for BlendChoice {
-    type Error = BlendError;
+    type Error = SchemeError;
 
     fn try_from(blend: NumberOrAuto) -> Result<Self, Self::Error> {
         match blend {

@@ -3,7 +3,7 @@
 use crate::output::Failure;
 use crate::parse::named;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
-use simulated::scheme::{BlendChoice, BlendError, SchemeName};
+use simulated::scheme::{BlendChoice, SchemeError, SchemeName};
 
 /// Scheme names with their descriptions.
 pub(crate) const SCHEMES: [(&str, &str, Scheme); 5] = [
@@ -28,7 +28,7 @@ pub(crate) fn scheme(scheme: Scheme, blend: Option<BlendChoice>) -> Result<Schem
     SchemeName(scheme).with_blend(blend).map_err(without_d)
 }
 
-fn without_d(error: BlendError) -> Failure {
+fn without_d(error: SchemeError) -> Failure {
     Failure::Input(format!("--blend: {error}; give --scheme D"))
 }
 
@@ -50,7 +50,7 @@ impl SchemeOptions {
     /// Returns the scheme; `None` if it is not given.
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {
-            None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
+            None if self.blend.is_some() => Err(without_d(SchemeError::NotD)),
             given => given.map(|given| scheme(given, self.blend)).transpose(),
         }
     }

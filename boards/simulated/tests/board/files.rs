@@ -9,7 +9,7 @@ use motor_hub::motor::{Report, SenseLine};
 use motor_hub::units::CountsPerSecond;
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Expectation, Expected, Quantity, Subject};
-use simulated::scheme::{BlendChoice, BlendError};
+use simulated::scheme::{BlendChoice, SchemeError};
 use simulated::without_tasks;
 
 const SOUND: &str = r#"name = "test"
@@ -448,6 +448,6 @@ fn bases_with_a_gyro_must_be_alike() {
 #[test]
 fn a_blend_lies_between_zero_and_one() {
     for wrong in ["-0.1", "1.01", "nan", "half", ""] {
-        assert_eq!(wrong.parse::<BlendChoice>(), Err(BlendError::OutOfRange), "{wrong:?}");
+        assert_eq!(wrong.parse::<BlendChoice>(), Err(SchemeError::OutOfRange), "{wrong:?}");
     }
 }
