@@ -20,10 +20,8 @@ use std::ops::Range;
 pub struct Verdict {
     /// The motor's or group's label, or "battery".
     pub subject: String,
-    /// The part of the run that is judged, in seconds.
-    pub window_s: Range<f64>,
-    /// The expected quantity, regime or fault.
-    pub expected: Expected,
+    /// The expectation.
+    pub expectation: Expectation,
     /// The value in the run.
     pub measured: Measured,
 }
@@ -46,16 +44,14 @@ pub enum Measured {
 #[must_use]
 pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
     let verdict = |expectation: &Expectation| {
-        let Expectation { subject, window_s, expected } = expectation;
-        let label = match subject {
-            Subject::Motor(index) => scenario.motors.get(*index).map(|motor| motor.label.clone()),
-            Subject::Group(index) => scenario.groups.get(*index).map(|group| group.label.clone()),
+        let label = match expectation.subject {
+            Subject::Motor(index) => scenario.motors.get(index).map(|motor| motor.label.clone()),
+            Subject::Group(index) => scenario.groups.get(index).map(|group| group.label.clone()),
             Subject::Battery => Some("battery".to_owned()),
         };
         Verdict {
             subject: label.unwrap_or_default(),
-            window_s: window_s.clone(),
-            expected: *expected,
+            expectation: expectation.clone(),
             measured: measure(scenario, trace, expectation).unwrap_or(Measured::Nothing),
         }
     };
@@ -144,7 +140,7 @@ impl Verdict {
     /// True if the measurement meets the expectation.
     #[must_use]
     pub fn met(&self) -> bool {
-        match (self.expected, &self.measured) {
+        match (self.expectation.expected, &self.measured) {
             (Expected::Quantity(_, [low, high]), &Measured::Number(value)) => low <= value && value <= high,
             (Expected::Quantity(_, [low, high]), &Measured::Between(least, most)) => {
                 low <= least && most <= high
@@ -161,7 +157,8 @@ impl Verdict {
     /// The verdict as JSON. `expected` is the key of a quantity in scenario files, which ends with the unit.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
-        let (expected, wanted) = match self.expected {
+        let Expectation { window_s, expected, .. } = &self.expectation;
+        let (expected, wanted) = match *expected {
             Expected::Quantity(quantity, [low, high]) => (quantity.key(), json!([low, high])),
             Expected::Ever(regime) => ("ever", json!(regime_name(regime))),
             Expected::Never(regime) => ("never", json!(regime_name(regime))),
@@ -169,8 +166,8 @@ impl Verdict {
         };
         json!({
             "of": self.subject,
-            "from_s": self.window_s.start,
-            "to_s": self.window_s.end,
+            "from_s": window_s.start,
+            "to_s": window_s.end,
             "expected": expected,
             "wanted": wanted,
             "measured": self.measured,
@@ -181,7 +178,8 @@ impl Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { subject, window_s: Range { start, end }, expected, measured } = self;
+        let Self { subject, expectation, measured } = self;
+        let Expectation { window_s: Range { start, end }, expected, .. } = expectation;
         write!(f, "{subject}, {start} to {end} s: expected {expected}, measured {measured}")
     }
 }

@@ -6,6 +6,7 @@ use crate::measures::{Measures, Response};
 use crate::settling;
 use crate::table::{self, Table};
 use simulated::scenario::Motor;
+use simulated::scenario::expectation::Expectation;
 use simulated::scheme;
 
 /// Least width of a column in characters, so that the tables line up.
@@ -46,7 +47,8 @@ impl RunReport {
 fn expectations(verdicts: &[Verdict]) -> Table {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
-        let Verdict { subject, window_s, expected, measured } = verdict;
+        let Verdict { subject, expectation, measured } = verdict;
+        let Expectation { window_s, expected, .. } = expectation;
         let window = format!("{} to {}", window_s.start, window_s.end);
         let met = if verdict.met() { "met" } else { "NOT MET" };
         table.add_row([subject.clone(), window, expected.to_string(), measured.to_string(), met.to_owned()]);

@@ -1,8 +1,8 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
-use super::{Knowledge, parallel};
 use super::responses::{Verdict, judge, watch};
 use super::time_constant;
+use super::{Knowledge, parallel};
 use crate::settling::changes;
 use crate::{StudyError, position, velocity};
 use motor_hub::model::catalogue;

@@ -2,8 +2,8 @@
 //! regulator was written. Tasks of a drive base have no reference figures: the result is the largest difference between
 //! the heading of the base and the heading of its references.
 
-use super::{Knowledge, parallel};
 use super::responses::{Verdict, judge, watch};
+use super::{Knowledge, parallel};
 use crate::StudyError;
 use crate::groups::HeadingError;
 use crate::settling::changes;
