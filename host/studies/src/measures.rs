@@ -122,7 +122,7 @@ impl Goal {
 }
 
 impl Measures {
-    /// Measures one motor's part in a run, from a time to another in seconds.
+    /// Measures one motor's part in a run, within a span of time in seconds.
     pub fn new(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();

@@ -53,7 +53,7 @@ pub struct Scenario {
     pub battery: Battery,
     /// The bus between battery and bridges; `None` if the bridges are connected to the battery directly.
     pub bus: Option<Bus>,
-    /// True if the hub's limits of the supply voltage never act, which is allowed without a bus only.
+    /// True if the hub's limits of the supply voltage never act. A scenario with a bus has the limits of the bus.
     pub unlimited: bool,
     /// Voltage of the battery without load in volts, at ascending times. Between two times the voltage is interpolated
     /// linearly. After the last time it stays constant.
