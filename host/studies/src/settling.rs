@@ -172,7 +172,8 @@ pub(crate) struct Change {
     pub(crate) torque: f64,
 }
 
-/// The changes of a motor by time. The last one extends to `end_s`. The torque at the start is no change.
+/// The changes of a motor by time. The last one extends to `end_s`. The torque at the start is no change, nor is a
+/// set-point or a torque that the motor already has.
 pub(crate) fn changes(motor: &Motor, end_s: f64) -> Vec<Change> {
     let torques = motor.torques.iter().map(|timed| timed.at_s).filter(|at_s| *at_s > 0.0);
     let mut times: Vec<f64> = motor.setpoints.iter().map(|timed| timed.at_s).chain(torques).collect();
@@ -180,11 +181,20 @@ pub(crate) fn changes(motor: &Motor, end_s: f64) -> Vec<Change> {
     times.push(end_s);
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let (mut old, mut old_torque, mut changes) = (None, 0.0, Vec::new());
+    let (mut old, mut old_torque, mut changes) = (None, 0.0, Vec::<Change>::new());
     for pair in times.windows(2) {
         let &[from_s, to_s] = pair else { continue };
         let (goal, torque) = (Goal::of(motor.setpoint_at(from_s)), motor.torque_at(from_s));
-        changes.extend(goal.map(|goal| Change { span_s: from_s..to_s, old, goal, old_torque, torque }));
+        match changes.last_mut() {
+            Some(last) if goal.is_some() && (goal, torque) == (old, old_torque) => last.span_s.end = to_s,
+            _ => changes.extend(goal.map(|goal| Change {
+                span_s: from_s..to_s,
+                old,
+                goal,
+                old_torque,
+                torque,
+            })),
+        }
         (old, old_torque) = (goal, torque);
     }
     changes
@@ -213,6 +223,9 @@ pub fn settling(goal: Goal, speed_before: f64, span_s: Range<f64>, points: &[Poi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motor_hub::model::catalogue::characterised;
+    use motor_hub::model::load::Load;
+    use simulated::scenario::Timed;
 
     /// A motion with a point at every millisecond.
     fn motion(seconds: u32, speed_cps: impl Fn(f64) -> f64, counts: impl Fn(f64) -> f64) -> Vec<Point> {
@@ -265,5 +278,19 @@ mod tests {
         assert_eq!(arrives(1.0, -6.0), Settling::Never);
         assert_eq!(arrives(3.0, 0.0), Settling::After(3.0));
         assert_eq!(arrives(3.001, 0.0), Settling::Never);
+    }
+
+    #[test]
+    fn a_set_point_or_torque_that_the_motor_already_has_is_no_change() {
+        let constants = characterised("AM 60 A").expect("in the catalogue");
+        let at = |at_s, cps| Timed { at_s, value: crate::velocity(cps) };
+        let torque = |at_s, value| Timed { at_s, value };
+        let motor = Motor {
+            setpoints: vec![at(0.5, 1000), at(1.5, 1000), at(4.0, 500), at(6.0, 500)],
+            torques: vec![torque(0.0, 0.1), torque(2.0, 0.1), torque(6.0, 0.2)],
+            ..Motor::new(constants, Load::NONE)
+        };
+        let spans: Vec<Range<f64>> = changes(&motor, 8.0).into_iter().map(|change| change.span_s).collect();
+        assert_eq!(spans, [0.5..4.0, 4.0..6.0, 6.0..8.0]);
     }
 }
