@@ -280,10 +280,13 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
             flow: look.flow,
         });
     }
-    if let Some(last) = trace.ticks.last_mut() {
-        for (sample, now) in last.motors.iter_mut().zip(&motors) {
-            sample.flow = now.flow - sample.flow;
+    match trace.ticks.last_mut() {
+        Some(last) => {
+            for (sample, now) in last.motors.iter_mut().zip(&motors) {
+                sample.flow = now.flow - sample.flow;
+            }
         }
+        None => trace.before = motors.iter().map(|sample| sample.flow).collect(),
     }
     let (battery_v, _) = bench.battery();
     trace.push_motion(at_s, motors.iter().map(|sample| (sample.speed_cps, sample.counts)));

@@ -163,11 +163,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         board.change(scenario, now_s);
         let flows = board.run(Seconds(STEP_S), &torques);
         MockDriver::get().advance(Duration::from_millis(1));
-        for (sample, flow) in
-            trace.ticks.iter_mut().last().map(|t| &mut t.motors).into_iter().flatten().zip(&flows)
-        {
-            sample.flow.append(flow);
-        }
+        trace.push_flows(&flows);
         if step % 256 == 0 {
             progress(now_s);
         }

@@ -19,6 +19,8 @@ use motor_hub::units::Control;
 /// A whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
+    /// Charge and energy of each motor before the first control tick.
+    pub before: Vec<Flow>,
     /// Control ticks by time.
     pub ticks: Vec<Tick>,
     /// True motion of each motor by time: at every millisecond on the simulated board, at every control tick on an
@@ -75,6 +77,15 @@ impl Trace {
     /// One motor's ticks: time in seconds and sample.
     pub fn motor(&self, index: usize) -> impl Iterator<Item = (f64, &Sample)> {
         self.ticks.iter().filter_map(move |tick| Some((tick.at_s, tick.motors.get(index)?)))
+    }
+
+    /// Adds the charge and energy of every motor in a step after the last tick.
+    pub fn push_flows(&mut self, flows: &[Flow]) {
+        let Some(tick) = self.ticks.last_mut() else {
+            self.before.resize(flows.len(), Flow::default());
+            return self.before.iter_mut().zip(flows).for_each(|(before, flow)| before.append(flow));
+        };
+        tick.motors.iter_mut().zip(flows).for_each(|(sample, flow)| sample.flow.append(flow));
     }
 
     /// Adds the speed and the position of every motor at a time in seconds.

@@ -15,6 +15,9 @@ use simulated::trace::{Sample, Trace};
 use std::fmt;
 use std::ops::Range;
 
+/// A measurement that needs this many decimals to show on which side of a limit it is, is written with all digits.
+const MOST_DECIMALS: usize = 9;
+
 /// An expectation and its measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
@@ -154,6 +157,27 @@ impl Verdict {
         }
     }
 
+    /// The measurement in words. A number has two decimals, or as many as show on which side of a limit the number is.
+    pub(crate) fn measured_text(&self) -> String {
+        let within = |value: f64| match self.expectation.expected {
+            Expected::Quantity(_, [low, high]) => (low..=high).contains(&value),
+            _ => true,
+        };
+        let number = |value: f64| {
+            let mut texts = (2..MOST_DECIMALS).map(|decimals| format!("{value:.decimals$}"));
+            let same_side = |text: &String| text.parse().is_ok_and(within) == within(value);
+            texts.find(same_side).unwrap_or_else(|| value.to_string())
+        };
+        match &self.measured {
+            Measured::Nothing => "nothing".to_owned(),
+            Measured::Number(value) if value.is_infinite() => "never".to_owned(),
+            Measured::Number(value) => number(*value),
+            Measured::Between(low, high) => format!("{} to {}", number(*low), number(*high)),
+            Measured::Words(words) if words.is_empty() => "none".to_owned(),
+            Measured::Words(words) => words.join(", ").replace('_', " "),
+        }
+    }
+
     /// The verdict as JSON. `expected` is the key of a quantity in scenario files, which ends with the unit.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
@@ -178,21 +202,30 @@ impl Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { subject, expectation, measured } = self;
+        let Self { subject, expectation, .. } = self;
         let Expectation { window_s: Range { start, end }, expected, .. } = expectation;
-        write!(f, "{subject}, {start} to {end} s: expected {expected}, measured {measured}")
+        write!(f, "{subject}, {start} to {end} s: expected {expected}, measured {}", self.measured_text())
     }
 }
 
-impl fmt::Display for Measured {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Nothing => f.write_str("nothing"),
-            Self::Number(value) if value.is_infinite() => f.write_str("never"),
-            Self::Number(value) => write!(f, "{value:.2}"),
-            Self::Between(low, high) => write!(f, "{low:.2} to {high:.2}"),
-            Self::Words(words) if words.is_empty() => f.write_str("none"),
-            Self::Words(words) => f.write_str(&words.join(", ").replace('_', " ")),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_measurement_is_rounded_only_as_far_as_it_stays_on_its_side_of_a_limit() {
+        for (measured, limits, text) in [
+            (12.3456, [0.0, 20.0], "12.35"),
+            (0.50004, [0.0, 0.5], "0.50004"),
+            (0.499_99, [0.5, 1.0], "0.49999"),
+            (0.499_99, [0.0, 0.5], "0.50"),
+            (0.5 + 1e-12, [0.0, 0.5], "0.500000000001"),
+        ] {
+            let expected = Expected::Quantity(Quantity::Swing, limits);
+            let expectation = Expectation { subject: Subject::Motor(0), window_s: 0.0..1.0, expected };
+            let verdict =
+                Verdict { subject: String::new(), expectation, measured: Measured::Number(measured) };
+            assert_eq!(verdict.measured_text(), text);
         }
     }
 }

@@ -12,10 +12,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::report::figures::significant;
 use crate::settling::{Change, Goal, Settling, changes, settling};
 use crate::table;
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
+use motor_hub::model::plant::Flow;
+use motor_hub::model::si::Joules;
 use motor_hub::motor::Report;
 use serde::Serialize;
 use simulated::scenario::Motor;
@@ -26,7 +29,7 @@ use std::ops::Range;
 /// All measures of one motor in one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
-    /// Regulator of the motor at the end, "model" or "PID".
+    /// Regulator of the motor at the end: "model", "PID" or "no control tick".
     pub regulator: &'static str,
     /// Responses to changes of a regulated set-point or of the external torque.
     pub responses: Vec<Response>,
@@ -34,9 +37,9 @@ pub struct Measures {
     pub deceleration_jerk: Jerk,
     /// Shares of the control ticks by regime, in percent.
     pub regimes: RegimeShares,
-    /// Energy taken from the battery by this motor's bridge, in joules.
+    /// Energy taken from the bus by this motor's bridge, in joules.
     pub energy_from_battery_j: f64,
-    /// Energy returned to the battery by this motor's bridge, in joules.
+    /// Energy returned to the bus by this motor's bridge, in joules. A one-way battery takes none of it.
     pub energy_to_battery_j: f64,
 }
 
@@ -76,6 +79,9 @@ impl Response {
         if self.too_short { "too short".to_owned() } else { table::seconds(self.settling_s) }
     }
 }
+
+/// In the place of the regulator of a run without a control tick.
+pub(crate) const NO_TICK: &str = "no control tick";
 
 /// Length of the end of a response in which the swing is measured, in seconds.
 const LAST_S: f64 = 1.0;
@@ -126,13 +132,19 @@ impl Measures {
     pub fn new(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
+        // A direct command drives the bridge before the first tick. `sum` of no values is -0, whose sign would be shown.
+        let before = trace.before.get(index).filter(|_| span_s.contains(&0.0));
+        let energy = |of: fn(&Flow) -> Joules| {
+            let flows = before.into_iter().chain(ticks.iter().map(|(_, sample)| &sample.flow));
+            flows.fold(0.0, |sum, flow| sum + of(flow).0)
+        };
         Self {
-            regulator: ticks.last().map_or("", |(_, sample)| sample.report.regulator.name()),
+            regulator: ticks.last().map_or(NO_TICK, |(_, sample)| sample.report.regulator.name()),
             responses: responses(motor, &span_s, trace.motion.get(index).map_or(&[], Vec::as_slice)),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),
-            energy_from_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_from_battery.0).sum(),
-            energy_to_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_to_battery.0).sum(),
+            energy_from_battery_j: energy(|flow| flow.energy_from_battery),
+            energy_to_battery_j: energy(|flow| flow.energy_to_battery),
         }
     }
 }
@@ -140,10 +152,10 @@ impl Measures {
 fn responses(motor: &Motor, span_s: &Range<f64>, motion: &[Point]) -> Vec<Response> {
     let mut changes = changes(motor, span_s.end);
     changes.retain(|change| span_s.contains(&change.span_s.start));
-    changes.into_iter().filter_map(|change| response(motor, change, motion)).collect()
+    changes.into_iter().filter_map(|change| response(change, motion)).collect()
 }
 
-fn response(motor: &Motor, change: Change, motion: &[Point]) -> Option<Response> {
+fn response(change: Change, motion: &[Point]) -> Option<Response> {
     let Change { span_s, old: before, goal, torque, .. } = change;
     let Range { start: from_s, end: to_s } = span_s;
     let within = motion.get(motion.partition_point(|point| point.at_s < from_s)..).unwrap_or_default();
@@ -154,7 +166,7 @@ fn response(motor: &Motor, change: Change, motion: &[Point]) -> Option<Response>
         _ => goal.value(within.first()?),
     };
     let new = goal.target();
-    let stepped = motor.setpoints.iter().any(|s| s.at_s == from_s);
+    let stepped = before != Some(goal);
     let settling = settling(goal, Goal::speed_before(before, within), span_s, within);
 
     let errors: Vec<f64> = within.iter().map(|point| goal.value(point) - new).collect();
@@ -170,7 +182,7 @@ fn response(motor: &Motor, change: Change, motion: &[Point]) -> Option<Response>
         change: if stepped {
             format!("{:.0} to {new:.0} {}", old + 0.0, goal.unit())
         } else {
-            format!("torque to {} N m", torque)
+            format!("torque to {} N m", significant(torque))
         },
         task: task(goal, stepped),
         unit: goal.unit(),

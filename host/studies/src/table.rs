@@ -221,7 +221,7 @@ fn chars(text: &str) -> usize {
 }
 
 /// The text without the signs of numbers that are zero, such as "-0.00".
-fn without_negative_zero(text: &str) -> String {
+pub(crate) fn without_negative_zero(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for (at, c) in text.char_indices() {
         let (before, after) = text.split_at(at);

@@ -128,7 +128,7 @@ fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
     let output = motor_hub(&arguments);
     assert!(output.status.success());
     let tables = text(&output.stdout);
-    assert!(tables.starts_with("Flywheel brought to ") && !tables.contains("inf s"), "{tables}");
+    assert!(tables.starts_with("flywheel brought to ") && !tables.contains("inf s"), "{tables}");
     assert!(tables.contains("flywheel: Matrix 12 V-B") && tables.contains("scheme D, automatic"), "{tables}");
     assert!(!tables.contains("winch"));
     assert!(tables.contains(out.to_str().unwrap()));

@@ -3,6 +3,7 @@
 use crate::SCHEMA_VERSION;
 use crate::expectations::fault_words;
 use crate::measures::regime_of;
+use crate::table::without_negative_zero;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::regime_name;
@@ -14,16 +15,22 @@ const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
 energy_from_battery_j,energy_to_battery_j,external_torque_nm,settled,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";
 
-/// The whole trace. Means and energies of a row are from its control tick to the next control tick.
+/// The whole trace. Means and energies of a row are from its control tick to the next control tick. The energies of the
+/// first tick include the energies before it.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
     let mut out = HEADINGS.to_owned();
-    for tick in &trace.ticks {
+    for (number, tick) in trace.ticks.iter().enumerate() {
         for (index, (sample, motor)) in tick.motors.iter().zip(&scenario.motors).enumerate() {
+            let mut sample = *sample;
+            if let Some(before) = trace.before.get(index).filter(|_| number == 0) {
+                sample.flow.energy_from_battery.0 += before.energy_from_battery.0;
+                sample.flow.energy_to_battery.0 += before.energy_to_battery.0;
+            }
             let measured = tick.measured_v.map(|v| format!("{v:.3}")).unwrap_or_default();
             let label = quoted(&motor.label);
             // Writing to a String cannot fail.
             let _ = write!(out, "{:.3},{},{label},{:.4},{measured},", tick.at_s, index, tick.battery_v);
-            row(&mut out, sample);
+            row(&mut out, &sample);
         }
     }
     out
@@ -47,8 +54,7 @@ fn row(out: &mut String, sample: &Sample) {
     let [fault, encoder_fault] =
         [others, of_encoder].map(|faults| fault_words(faults).next().unwrap_or_default().replace('_', " "));
     let load = report.load.map(|load| format!("{:.3}", f64::from(load.get()) / 1e3)).unwrap_or_default();
-    let _ = writeln!(
-        out,
+    let values = format!(
         "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault},{},{load},{SCHEMA_VERSION}",
         sample.counts,
         sample.speed_cps,
@@ -65,6 +71,8 @@ fn row(out: &mut String, sample: &Sample) {
         report.stalled,
         report.regulator.name(),
     );
+    out.push_str(&without_negative_zero(&values));
+    out.push('\n');
 }
 
 fn quoted(text: &str) -> String {

@@ -1,7 +1,7 @@
 //! The charts of a run: one for each motor, and one of all motors with and without braking regime.
 
 use super::{RunReport, WITHOUT};
-use crate::measures::regime_of;
+use crate::measures::{NO_TICK, regime_of};
 use crate::points::{CONTROL_RANGE, fraction};
 use crate::{Lines, NamedFigure};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
@@ -86,7 +86,7 @@ fn speed_lines(motor: &Motor, lines: Lines) -> Vec<Series> {
 /// The regulator of the motor at the end of a run.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
-    last.map_or("", |sample| sample.report.regulator.name())
+    last.map_or(NO_TICK, |sample| sample.report.regulator.name())
 }
 
 fn has_velocity(motor: &Motor) -> bool {
@@ -191,7 +191,7 @@ fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
 }
 
 /// Four significant digits without trailing zeros.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     rounded.to_string()
 }

@@ -21,13 +21,10 @@ impl Pair<'_> {
         }
     }
 
-    fn times(&self) -> String {
+    /// The two settling times in words; `None` if their texts are equal.
+    fn times(&self) -> Option<String> {
         let [as_set, without] = [self.as_set, self.without].map(Response::settling);
-        if as_set == without {
-            format!("{as_set} with and without braking")
-        } else {
-            format!("{as_set} with braking, {without} without")
-        }
+        (as_set != without).then(|| format!("{as_set} with braking, {without} without"))
     }
 }
 
@@ -65,30 +62,34 @@ fn result(report: &RunReport) -> String {
     if report.scenario.motors.iter().all(|motor| motor.scheme == Scheme::ForwardReverse) {
         format!("{as_set} of {all} responses settle without a braking regime.")
     } else if report.scenario.motors.len() == 1 {
-        format!("{} {}: {}.", capitalised(label), response.task, largest.times())
+        let times =
+            largest.times().unwrap_or_else(|| format!("{} with and without braking", response.settling()));
+        format!("{label} {}: {times}.", response.task)
     } else {
-        format!(
-            "{as_set} of {all} responses settle with braking, {without} without; the largest difference: {label} {}, {}.",
-            response.task,
-            largest.times()
-        )
+        let times = largest
+            .times()
+            .map(|times| format!("; the largest difference: {label} {}, {times}", response.task));
+        let times = times.unwrap_or_default();
+        format!("{as_set} of {all} responses settle with braking, {without} without{times}.")
     }
 }
 
-/// A sentence about the energies that the battery gave and got back, in joules.
+/// A sentence about the energies that the battery gave and got back, in joules. To a one-way battery no energy returns,
+/// so the sentence is then about the bus.
 fn energies(report: &RunReport) -> String {
     let sum = |run: usize, of: fn(&Measures) -> f64| -> f64 {
         report.measures.iter().filter_map(|runs| runs.get(run)).map(of).sum()
     };
     let [with, without] =
         [0, 1].map(|run| [sum(run, |m| m.energy_from_battery_j), sum(run, |m| m.energy_to_battery_j)]);
+    let one_way = report.scenario.bus.is_some_and(|bus| bus.one_way);
+    let [gave, got_back, end] = if one_way {
+        ["The motors took", "from the bus and returned", " The one-way battery got nothing back."]
+    } else {
+        ["The battery gave", "and got back", ""]
+    };
     format!(
-        "The battery gave {:.2} J and got back {:.2} J with braking; without, {:.2} J and {:.2} J.",
+        "{gave} {:.2} J {got_back} {:.2} J with braking; without, {:.2} J and {:.2} J.{end}",
         with[0], with[1], without[0], without[1]
     )
-}
-
-fn capitalised(label: &str) -> String {
-    let mut letters = label.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

@@ -17,7 +17,7 @@ const DEFINITIONS: &str = "\
 Residual: rms error in the second half of the time to the next change. Swing: difference of the highest and the
 lowest value in the last second before the next change. Deceleration jerk: change of the mean motor current from one
 control period to the next while the motor slows down (N m: at the output shaft). Energies are of the motor's own
-bridge.";
+bridge. A one-way battery takes none of the energy that goes back.";
 
 impl RunReport {
     /// The headline and the tables.
@@ -47,11 +47,17 @@ impl RunReport {
 fn expectations(verdicts: &[Verdict]) -> Table {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
-        let Verdict { subject, expectation, measured } = verdict;
+        let Verdict { subject, expectation, .. } = verdict;
         let Expectation { window_s, expected, .. } = expectation;
         let window = format!("{} to {}", window_s.start, window_s.end);
         let met = if verdict.met() { "met" } else { "NOT MET" };
-        table.add_row([subject.clone(), window, expected.to_string(), measured.to_string(), met.to_owned()]);
+        table.add_row([
+            subject.clone(),
+            window,
+            expected.to_string(),
+            verdict.measured_text(),
+            met.to_owned(),
+        ]);
     }
     table
 }

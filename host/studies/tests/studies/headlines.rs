@@ -2,7 +2,10 @@
 //! tables below it.
 
 use crate::{COMPARISON, REFERENCE, report};
+use motor_hub::model::load::Load;
+use motor_hub::units::Period;
 use simulated::scenario::Scenario;
+use studies::report::RunReport;
 use studies::survey::{Results, Survey};
 
 /// A motor with a flywheel.
@@ -32,7 +35,7 @@ fn a_run_begins_with_where_braking_makes_the_largest_difference() {
     let settling =
         document["motors"][0]["as_set"]["responses"][1]["settling_s"].as_f64().expect("it settles");
     assert!(document["motors"][0]["without_braking_regime"]["responses"][1]["settling_s"].is_null());
-    let headline = format!("Winch held at its speed: {settling:.2} s with braking, never without.");
+    let headline = format!("winch held at its speed: {settling:.2} s with braking, never without.");
     assert_eq!(report.headline(), headline);
     let tables = report.tables();
     assert!(tables.starts_with(&headline) && tables.contains("winch: NeveRest 60"), "{tables}");
@@ -44,6 +47,68 @@ fn a_run_of_several_motors_counts_what_settles() {
     let headline = report(Scenario::default_one().expect("it is valid")).headline();
     assert!(headline.contains(" responses settle with braking, "), "{headline}");
     assert!(headline.contains("; the largest difference: winch held at its speed, "), "{headline}");
+}
+
+#[test]
+fn a_run_of_several_motors_without_a_difference_names_none() {
+    let mut scenario = with("setpoints = [{ at_s = 0, velocity_cps = 500 }]");
+    scenario.motors.push(scenario.motors[0].clone());
+    scenario.motors.iter_mut().for_each(|motor| motor.load = Load::NONE);
+    assert_eq!(report(scenario).headline(), "2 of 2 responses settle with braking, 2 without.");
+}
+
+/// A motor with constant power from the start, at a control period.
+fn powered(period_ms: u32, duration_s: f64) -> Scenario {
+    let scenario = with("setpoints = [{ at_s = 0, power = 0.5 }]");
+    Scenario { duration_s, period: Period::from_millis(period_ms).expect("it is allowed"), ..scenario }
+}
+
+#[test]
+fn energies_count_from_the_start_at_every_control_period() {
+    let energy = |report: &RunReport| {
+        let energy = report.json(&[])["motors"][0]["as_set"]["energy_from_battery_j"].as_f64();
+        energy.expect("a number")
+    };
+    // The shorter runs end before the first tick, except at 1 ms.
+    for duration_s in [0.05, 1.0] {
+        let all = energy(&report(powered(1, duration_s)));
+        assert!(all > 0.1, "{all} J");
+        for ms in [50, 100] {
+            let report = report(powered(ms, duration_s));
+            let joules = energy(&report);
+            assert!((joules / all - 1.0).abs() < 1e-3, "{duration_s} s at {ms} ms: {joules} J of {all} J");
+            let [(_, csv), _] = report.traces();
+            let column =
+                csv.split(',').position(|heading| heading == "energy_from_battery_j").expect("it is there");
+            let rows: Vec<f64> = csv
+                .lines()
+                .skip(1)
+                .map(|row| row.split(',').nth(column).expect("a cell").parse().expect("a number"))
+                .collect();
+            let sum: f64 = rows.iter().sum();
+            assert!(rows.is_empty() || (sum - joules).abs() < 1e-3, "{sum} J in {joules} J");
+        }
+    }
+}
+
+#[test]
+fn a_run_without_a_control_tick_says_so_and_has_no_signed_zero() {
+    let text =
+        report(Scenario { duration_s: 0.05, ..with("setpoints = [{ at_s = 1, power = 0.5 }]") }).tables();
+    assert!(text.starts_with("The battery gave 0.00 J and got back 0.00 J with braking;"), "{text}");
+    assert!(text.contains("no control tick") && !text.contains("-0.00"), "{text}");
+}
+
+#[test]
+fn a_one_way_battery_gets_nothing_back() {
+    let scenario = "bus = { capacitance_f = 0.1, one_way = true }\n";
+    let motor = "[[motors]]\nlabel = \"winch\"\nmotor = \"NeveRest 60\"\nload = { torque_nm = 0.8 }\n\
+                 setpoints = [{ at_s = 0.2, current_a = -0.6 }]\n";
+    let head = "name = \"one\"\nduration_s = 2.0\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n";
+    let scenario = Scenario::parse("one.toml", &[head, scenario, motor].concat()).expect("it is valid");
+    let headline = report(scenario).headline();
+    assert!(headline.starts_with("The motors took "), "{headline}");
+    assert!(headline.ends_with(" J. The one-way battery got nothing back."), "{headline}");
 }
 
 #[test]
