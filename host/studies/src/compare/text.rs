@@ -103,7 +103,8 @@ fn verdict(rounds: &[Round]) -> Page {
     page.table("Scores, the least error first", scores_table(&scores, tasks));
     page.text(
         "|error|, mean: geometric mean over the tasks of the ratio to the least |error| of all variants at the task. \
-         Cells won: best in a column of a task, alone or with others.",
+         1 count is added to each |error|, so that variants with hardly any error tie. Cells won: best in a column of a \
+         task, alone or with others.",
     );
     for round in rounds {
         page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words));

@@ -227,10 +227,13 @@ pub fn headline(soak: &Soak) -> String {
 /// The headline, what was run, and every alarm, for people.
 pub fn text(soak: &Soak) -> String {
     let Soak { seed, scenarios, seconds, ticks, alarms, stalled, starved, .. } = soak;
-    let random = seed.map_or_else(String::new, |seed| format!(" random (seed {seed})"));
+    let scenarios = match seed {
+        Some(seed) => format!("{scenarios} random scenarios (seed {seed})"),
+        None => format!("{scenarios} scenarios"),
+    };
     let hours = seconds / 3600.0;
     let ran = format!(
-        "{hours:.3} h of virtual time, {scenarios}{random} scenarios, {ticks} control ticks; {stalled} motors were \
+        "{hours:.3} h of virtual time, {scenarios}, {ticks} control ticks; {stalled} motors were \
          reported as stalled for a while."
     );
     let mut out = format!("{}\n\n{}\n", paragraph(&headline(soak)), paragraph(&ran));
