@@ -25,7 +25,7 @@ use motor_hub::model::si::{Drag, KgM2, Volts};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
-pub use numbers::LONGEST_S;
+pub use numbers::{LONGEST_S, number_text};
 pub use types::{Attached, Bus, Configuration, Group, Motor, Scenario, Timed};
 
 /// Dry friction of the motors of the served scenario, in percent of their stall torque at 12 V.

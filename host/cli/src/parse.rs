@@ -89,8 +89,7 @@ pub(crate) fn within_a_day(text: &str) -> Result<Duration, String> {
 
 /// Parses the duration of a scenario in seconds.
 pub(crate) fn run_seconds(text: &str) -> Result<f64, String> {
-    let length = within(text, 0.001..=LONGEST_S);
-    length.ok_or_else(|| format!("a duration is more than 0 and at most {LONGEST_S} s"))
+    number("a duration", 0.001..=LONGEST_S, "s")(text)
 }
 
 /// Returns a parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.

@@ -7,6 +7,9 @@ use std::ops::RangeInclusive;
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
 
+/// Characters of the longest number that is written without an exponent. Each `f64` has at most 17 digits.
+const LONGEST_TEXT: usize = 20;
+
 /// Highest speed in counts/s: ten times the speed of any known motor.
 pub(crate) const FASTEST_CPS: i32 = 1_000_000;
 
@@ -38,9 +41,17 @@ impl Visitor<'_> for Limits {
     }
 }
 
+/// A number as text, with an exponent if the number has many digits.
+#[must_use]
+pub fn number_text(value: f64) -> String {
+    let text = value.to_string();
+    if text.len() > LONGEST_TEXT { format!("{value:e}") } else { text }
+}
+
 /// Message for a number out of its range. If `key` is empty, `Fault::of_toml` finds the key by its position in the
 /// text.
 pub(crate) fn out_of_range(key: &str, value: f64, range: RangeInclusive<f64>) -> String {
+    let value = number_text(value);
     let message = format!("{key} = {value} is out of range; allowed is {} to {}", range.start(), range.end());
     message.trim_start().to_owned()
 }
@@ -187,7 +198,7 @@ pub(crate) fn or<T>(given: Option<impl Into<T>>, absent: T) -> T {
     given.map_or(absent, Into::into)
 }
 
-/// A name without control characters. Spaces at both ends are removed; the name then has 1 to 80 bytes in UTF-8.
+/// A name without control characters. Spaces at both ends are removed; the name then has 1 to 80 characters.
 #[derive(serde::Deserialize)]
 #[serde(try_from = "String")]
 pub(crate) struct Name(pub(crate) String);
@@ -197,7 +208,7 @@ impl TryFrom<String> for Name {
 
     fn try_from(text: String) -> Result<Self, String> {
         let name = text.trim();
-        let printable = !name.is_empty() && name.len() <= 80 && !name.chars().any(char::is_control);
+        let printable = !name.is_empty() && name.chars().count() <= 80 && !name.chars().any(char::is_control);
         if printable {
             Ok(Self(name.to_owned()))
         } else {

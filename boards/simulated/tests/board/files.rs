@@ -55,7 +55,7 @@ fn refused(sound: &str, mistakes: &[Mistake<'_>]) {
 }
 
 /// Mistakes in the sound scenario.
-const MISTAKES: [Mistake<'_>; 63] = [
+const MISTAKES: [Mistake<'_>; 64] = [
     // Broken TOML, a value out of range, and a contradiction in a table. Each error has the position of its mistake.
     ("name = \"test\"", "name = \"test", "s.toml:1:13: "),
     ("duration_s = 2.0", "duration_s = ", "s.toml:2:14: "),
@@ -85,6 +85,7 @@ const MISTAKES: [Mistake<'_>; 63] = [
     ("duration_s = 2.0", "duration_s = nan", "0.001 to 300"),
     ("control_period_ms = 20", "control_period_ms = 101", "1 to 100"),
     ("label = \"one\"", "label = \" \"", "1 to 80 printable"),
+    ("= 1000 }", "= 9e300 }", "velocity_cps = 9e300 is out of range"),
     ("0.1 }\n", "0.1, emf_over_time = [{ at_s = 1, emf_v = 0.5 }] }\n", "1 to 60"),
     ("0.05 }", "-0.05 }", "inertia_kg_m2 = -0.05"),
     ("p = 10.0", "p = -1.0", "0 to 32767"),
@@ -158,6 +159,13 @@ const MISTAKEN_TABLES: [(&str, &str); 9] = [
     ("[bus]\ncapacitance_f = 0", "capacitance_f = 0 is out of range; allowed is 0.00001 to 1"),
     ("[bus]\ncapacitance_f = 0.001\nopens_at_s = 301", "opens_at_s = 301 is out of range"),
 ];
+
+#[test]
+fn a_label_has_at_most_80_characters_and_not_bytes() {
+    let quoted = |characters| format!("\"{}\"", "\u{b5}".repeat(characters));
+    let sound = SOUND.replace("\"one\"", &quoted(80));
+    refused(&sound, &[(&quoted(80), &quoted(81), "1 to 80 printable")]);
+}
 
 #[test]
 fn a_mistake_is_refused_with_its_position_and_what_is_allowed() {
