@@ -11,15 +11,17 @@ The scripting interface: computes cases of a JSON document
 
 The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and \
 `motors`, an object of motor constants by name: R, L, N, eta, Ke, Kt, B, J (SI units, before the \
-gearbox). Other motors are of the catalogue, see `motor-hub motors`. Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case \
+gearbox). Formulas without Jafter do not need N, eta and J. Other motors are of the catalogue, see `motor-hub motors`. \
+They have the paper's inertia here, and the measured inertia of their rotors in scenarios. Unknown keys are refused, but \
+`meta` of the document and `note` may hold remarks. Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case \
 with an unknown formula or bad inputs gets {\"id\", \"error\"} instead of outputs; all others are \
 still answered, and the exit code is 1.
 
-Answered by the fixed-point core that the firmware runs:
+Answered by the fixed-point core that the firmware runs (its cMax is 32767, and may be left out):
   bridge_state   state
-  scheme_fw      cps, mvBattery, keFw, keFw_q20, R, blend, countsPerRev [, cMax = 32767]
+  scheme_fw      cps, mvBattery, keFw, keFw_q20, R, blend, countsPerRev [, cMax]
   example_duty   S, T, Z, G, control
-  regime_duty    scheme, Omega, Vbat, Ke [, blend, cMax = 32767] -> a row for each control
+  regime_duty    scheme, Omega, Vbat, Ke [, blend, cMax] -> a row for each control
   keFw           Ke, countsPerRev
 
 Answered by the model in double precision:

@@ -9,7 +9,7 @@
 //! let case = json!({ "id": 1, "formula": "keFw", "inputs": { "motor": "AM 60 A" } });
 //! let answers = studies::eval::answers(&json!({ "cases": [case] }))?;
 //! assert_eq!((answers.cases, answers.failed), (1, 1));
-//! # Ok::<(), studies::eval::NoCases>(())
+//! # Ok::<(), studies::eval::DocumentError>(())
 //! ```
 
 mod case;
@@ -17,7 +17,7 @@ mod firmware;
 mod physics;
 
 use crate::paper::printed::numbers;
-use case::Case;
+use case::{Case, only_known};
 use motor_hub::model::catalogue::characterised;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -37,17 +37,27 @@ pub struct Answers {
     pub failed: usize,
 }
 
-/// The document has no list of cases.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the document needs `cases`, a list of objects")]
-pub struct NoCases;
+/// What is wrong with a whole document.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DocumentError {
+    /// The document has no list of cases.
+    #[error("the document needs `cases`, a list of objects")]
+    NoCases,
+    /// The document has unknown keys.
+    #[error("{0}")]
+    UnknownKeys(String),
+}
+
+/// Keys of a document. Nothing reads `meta`.
+const KEYS: [&str; 3] = ["cases", "motors", "meta"];
 
 /// Answers every case of a document.
 ///
 /// # Errors
-/// [`NoCases`]. The error of a single case is put in the place of its answer.
-pub fn answers(document: &Value) -> Result<Answers, NoCases> {
-    let cases = document.get("cases").and_then(Value::as_array).ok_or(NoCases)?;
+/// [`DocumentError`]. The error of a single case is put in the place of its answer.
+pub fn answers(document: &Value) -> Result<Answers, DocumentError> {
+    only_known("key", Some(document), &KEYS).map_err(DocumentError::UnknownKeys)?;
+    let cases = document.get("cases").and_then(Value::as_array).ok_or(DocumentError::NoCases)?;
     let none = Value::Null;
     let motors = document.get("motors").unwrap_or(&none);
     let mut failed = 0;

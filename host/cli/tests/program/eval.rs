@@ -150,9 +150,10 @@ fn the_firmware_s_abscissas_are_within_a_count() {
         let emf = case["outputs"]["emf_mV"].as_f64().unwrap();
         let at_the_pole = (emf - inputs["mvBattery"].as_f64().unwrap()).abs() < 1.0;
         compare(&outputs, &case["outputs"], &format!("{inputs}"), &|key, want| match key {
-            // At the pole the points of Schemes C and D are nearly infinite, so the rounding of keFw to 2^-20 changes
-            // these points by many counts. Elsewhere points must agree within one count.
-            "C_xT" | "D_xT" | "D_xS" if at_the_pole => 1e-3 * want.abs(),
+            // At the pole the points of Scheme D are nearly infinite, so the rounding of keFw to 2^-20 changes these
+            // points by many counts. Elsewhere points must agree within one count.
+            "D_xT" | "D_xS" if at_the_pole => 1e-3 * want.abs(),
+            "A_xZ" | "B_xT" | "C_xT" => 1e-9 * want.abs().max(1.0),
             key if key.contains("_x") => 1.0,
             _ => 1e-9 * want.abs().max(1.0),
         });
@@ -228,7 +229,15 @@ fn a_bad_case_gets_an_error_and_the_others_are_answered() {
         (json!({ "id": "bad", "formula": "plant", "inputs": { "motor": "?" } }), "no motor"),
         (
             json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 9, "stat": 9 } }),
-            "unknown input stat; this formula reads state",
+            "unknown input stat; allowed: state",
+        ),
+        (
+            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 9 }, "outpts": {} }),
+            "unknown key outpts; allowed: id, formula, inputs, outputs",
+        ),
+        (
+            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 1e300 } }),
+            "input state = 1e300 must be a whole number",
         ),
     ] {
         let output = eval(&json!({ "cases": [bad, good] }).to_string());
@@ -282,15 +291,57 @@ fn a_result_that_is_not_finite_is_refused() {
     });
     let error = refused("step_response", &step);
     assert!(error.contains("output rows is no finite number"), "{error}");
-    let plant =
-        json!({ "R": 1e-300, "L": 1e-300, "Ke": 1e300, "Kt": 1e300, "B": 0, "Jafter": 0, "Bafter": 0 });
+    let plant = json!({
+        "R": 1e-300, "L": 1e-300, "N": 1, "eta": 1, "Ke": 1e300, "Kt": 1e300, "B": 0, "J": 1, "Jafter": 0, "Bafter": 0,
+    });
     let error = refused("plant", &plant);
     assert!(error.contains("is no finite number"), "{error}");
 }
 
 #[test]
+fn a_document_s_motor_has_the_constants_that_the_formula_needs_and_no_others() {
+    let constants =
+        json!({ "R": 3.3, "L": 6e-4, "N": 60, "eta": 0.9, "Ke": 0.01, "Kt": 0.01, "B": 1e-6, "J": 1e-6 });
+    let error = |formula: &str, inputs: &Value, change: &dyn Fn(&mut serde_json::Map<String, Value>)| {
+        let mut constants = constants.clone();
+        change(constants.as_object_mut().unwrap());
+        let case = json!({ "formula": formula, "inputs": inputs });
+        let output = eval(&json!({ "motors": { "own": constants }, "cases": [case] }).to_string());
+        results(&output)[0]["error"].as_str().unwrap_or_default().to_owned()
+    };
+    let plant = json!({ "motor": "own", "Jafter": 0, "Bafter": 0 });
+    let reverse = json!({ "motor": "own", "Vbat": 12, "Vd": 0.7, "Omega": 100, "cMax": 32767 });
+    assert_eq!(error("plant", &plant, &|_| ()), "");
+    for key in ["N", "eta", "J"] {
+        let without = |motor: &mut serde_json::Map<String, Value>| drop(motor.remove(key));
+        assert_eq!(
+            error("plant", &plant, &without),
+            format!("motor constant {key} is missing, or is not a number")
+        );
+        assert_eq!(error("reverse0", &reverse, &without), "");
+    }
+    let misspelled = error("plant", &plant, &|motor| drop(motor.insert("n".to_owned(), json!(60))));
+    assert_eq!(misspelled, "unknown motor constant n; allowed: R, L, N, eta, Ke, Kt, B, J");
+}
+
+#[test]
+fn a_blend_out_of_its_range_is_refused_wherever_it_is_read() {
+    let points = json!({ "scheme": "D", "Omega": 1, "Vbat": 12, "Ke": 0.1, "R": 1, "cMax": 1, "blend": 1.5 });
+    let regime = json!({ "scheme": "D", "Omega": 1, "Vbat": 12, "Ke": 0.1, "blend": 1.5 });
+    let fixed = json!({
+        "cps": 100, "mvBattery": 12_000, "keFw": 3.98, "keFw_q20": 4_180_495, "R": 3.3, "blend": 1.5,
+        "countsPerRev": 28,
+    });
+    for (formula, inputs) in [("scheme_points", points), ("regime_duty", regime), ("scheme_fw", fixed)] {
+        assert_eq!(refused(formula, &inputs), "input blend = 1.5 must be 0 (scheme B) to 1 (scheme C)");
+    }
+}
+
+#[test]
 fn a_motor_has_no_negative_drag() {
-    let motor = json!({ "R": 1, "L": 1e-3, "Ke": 0.1, "Kt": 0.1, "B": -1e-9, "Jafter": 0, "Bafter": 0 });
+    let motor = json!({
+        "R": 1, "L": 1e-3, "N": 1, "eta": 1, "Ke": 0.1, "Kt": 0.1, "B": -1e-9, "J": 1, "Jafter": 0, "Bafter": 0,
+    });
     assert_eq!(refused("plant", &motor), "B = -0.000000001 must not be negative");
 }
 
@@ -306,9 +357,13 @@ fn a_document_may_have_a_path_that_is_no_unicode() {
 
 #[test]
 fn a_document_that_is_none_is_refused_with_its_place() {
-    for (document, says) in
-        [("{\n  \"cases\": [,]}", "-:2:"), ("{}", "cases"), ("[]", "cases"), ("", "-:1:0")]
-    {
+    for (document, says) in [
+        ("{\n  \"cases\": [,]}", "-:2:"),
+        ("{}", "cases"),
+        ("[]", "cases"),
+        (r#"{"cases": [], "motrs": {}}"#, "unknown key motrs; allowed: cases, motors, meta"),
+        ("", "-:1:0"),
+    ] {
         fails(&eval(document), 2, says);
     }
 }

@@ -6,6 +6,7 @@ use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
 use serde_json::{Value, json};
+use simulated::scenario::number_text;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
@@ -17,7 +18,11 @@ pub(super) struct Case<'a> {
     read: RefCell<BTreeSet<String>>,
 }
 
-/// Inputs that are remarks: no formula reads them.
+/// Keys of a case.
+const KEYS: [&str; 4] = ["id", "formula", "inputs", "outputs"];
+/// Constants of a motor in a document.
+const CONSTANTS: [&str; 8] = ["R", "L", "N", "eta", "Ke", "Kt", "B", "J"];
+/// Keys that are remarks: nothing reads them.
 const REMARKS: [&str; 2] = ["note", "motor_csv_name"];
 
 impl<'a> Case<'a> {
@@ -26,6 +31,7 @@ impl<'a> Case<'a> {
     }
 
     pub(super) fn formula(&self) -> Result<&'a str, CaseError> {
+        only_known("key", Some(self.case), &KEYS)?;
         Ok(self.case.get("formula").and_then(Value::as_str).ok_or("the case has no formula")?)
     }
 
@@ -37,16 +43,9 @@ impl<'a> Case<'a> {
 
     /// Fails if there are inputs that the formula does not read.
     pub(super) fn nothing_unread(&self) -> Result<(), CaseError> {
-        let inputs = self.case.get("inputs").and_then(Value::as_object);
         let read = self.read.borrow();
-        let unread = |key: &&String| !read.contains(*key) && !REMARKS.contains(&key.as_str());
-        let unknown: Vec<&str> =
-            inputs.into_iter().flat_map(|all| all.keys()).filter(unread).map(String::as_str).collect();
-        if unknown.is_empty() {
-            return Ok(());
-        }
         let read: Vec<&str> = read.iter().map(String::as_str).collect();
-        Err(format!("unknown input {}; this formula reads {}", unknown.join(", "), read.join(", ")).into())
+        Ok(only_known("input", self.case.get("inputs"), &read)?)
     }
 
     /// Reads a number. Numbers in JSON are finite.
@@ -70,7 +69,19 @@ impl<'a> Case<'a> {
         if value.fract() == 0.0 && (low as f64..=high as f64).contains(&value) {
             Ok(value as i64)
         } else {
+            let value = number_text(value);
             Err(format!("input {key} = {value} must be a whole number from {low} to {high}").into())
+        }
+    }
+
+    /// Reads the blend of scheme D.
+    pub(super) fn blend(&self) -> Result<f64, CaseError> {
+        let blend = self.number("blend")?;
+        if (0.0..=1.0).contains(&blend) {
+            Ok(blend)
+        } else {
+            let blend = number_text(blend);
+            Err(format!("input blend = {blend} must be 0 (scheme B) to 1 (scheme C)").into())
         }
     }
 
@@ -91,14 +102,27 @@ impl<'a> Case<'a> {
         Ok(mode.ok_or_else(|| format!("input mode = {name:?} must be 9/8, 6/2 or 5/0"))?)
     }
 
+    /// Constants of a motor for a formula without motion. N, eta and J may be absent.
+    pub(super) fn motor(&self) -> Result<Motor, CaseError> {
+        self.constants(false)
+    }
+
+    /// Constants of a motor for a formula of its motion.
+    pub(super) fn moving_motor(&self) -> Result<Motor, CaseError> {
+        self.constants(true)
+    }
+
     /// Constants of the motor that the inputs name: the document's, else the catalogue's. Without a name the inputs
     /// themselves hold the constants.
-    pub(super) fn motor(&self) -> Result<Motor, CaseError> {
+    fn constants(&self, moving: bool) -> Result<Motor, CaseError> {
         let named = self.has("motor");
         let constants = if named {
             let key = self.text("motor")?;
             match self.motors.get(key) {
-                Some(constants) => constants,
+                Some(constants) => {
+                    only_known("motor constant", Some(constants), &CONSTANTS)?;
+                    constants
+                }
                 None => return Ok(characterised(key)?),
             }
         } else {
@@ -110,15 +134,15 @@ impl<'a> Case<'a> {
             value.ok_or_else(|| format!("motor constant {key} is missing, or is not a number").into())
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
-        // A motor without a gearbox needs no ratio, and a formula without time needs no inertia. Missing values are 1.
-        let or_one = |key: &str| if constant(key).is_some() { positive(key) } else { Ok(1.0) };
-        let inertia = KgM2(or_one("J")?);
+        // The results of a formula without motion do not depend on these constants.
+        let of_motion = |key: &str| if moving || constant(key).is_some() { positive(key) } else { Ok(1.0) };
+        let inertia = KgM2(of_motion("J")?);
         Ok(Motor {
             name: "",
             r: Ohms(positive("R")?),
             l: Henries(positive("L")?),
-            gear_ratio: or_one("N")?,
-            eta: or_one("eta")?,
+            gear_ratio: of_motion("N")?,
+            eta: of_motion("eta")?,
             ke: EmfConstant(positive("Ke")?),
             kt: TorqueConstant(positive("Kt")?),
             b: Drag(number("B").and_then(|value| zero_or_above(value, "B"))?),
@@ -154,10 +178,28 @@ pub(super) fn table(
     Ok(json!({ "columns": columns, "rows": rows }))
 }
 
+/// Fails if an object has other keys than the allowed ones and [`REMARKS`]. `what` names a key of the object.
+pub(super) fn only_known(what: &str, object: Option<&Value>, allowed: &[&str]) -> Result<(), String> {
+    let keys = object.and_then(Value::as_object).into_iter().flat_map(|all| all.keys()).map(String::as_str);
+    let unknown: Vec<&str> = keys.filter(|key| !allowed.contains(key) && !REMARKS.contains(key)).collect();
+    if unknown.is_empty() {
+        return Ok(());
+    }
+    Err(format!("unknown {what} {}; allowed: {}", unknown.join(", "), allowed.join(", ")))
+}
+
 fn zero_or_above(value: f64, key: &str) -> Result<f64, CaseError> {
-    if value >= 0.0 { Ok(value) } else { Err(format!("{key} = {value} must not be negative").into()) }
+    if value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(format!("{key} = {} must not be negative", number_text(value)).into())
+    }
 }
 
 fn above_zero(value: f64, key: &str) -> Result<f64, CaseError> {
-    if value > 0.0 { Ok(value) } else { Err(format!("{key} = {value} must be above 0").into()) }
+    if value > 0.0 {
+        Ok(value)
+    } else {
+        Err(format!("{key} = {} must be above 0", number_text(value)).into())
+    }
 }

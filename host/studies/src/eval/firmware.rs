@@ -9,10 +9,12 @@ use motor_hub::braking::{
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::bridge_states::{CurrentSign, SwitchPattern};
 use motor_hub::model::catalogue::Motor;
-use motor_hub::model::si::{Hertz, Volts};
+use motor_hub::model::paper;
+use motor_hub::model::si::{Hertz, Ohms, Volts};
 use motor_hub::model::switching::{Bridge, Conditions};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Inductance, Millivolts, Resistance};
 use serde_json::{Value, json};
+use simulated::scenario::number_text;
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::f64::consts::TAU;
 
@@ -89,8 +91,8 @@ pub(super) fn emf_constant(case: &Case) -> Result<Value, CaseError> {
     }))
 }
 
-/// The schemes' abscissas from encoder speed and battery voltage. Quantities in physical units, which
-/// the firmware has no use for, are computed here in double precision.
+/// The schemes' abscissas from encoder speed and battery voltage. Those of scheme D, and those whose names end in
+/// `_q20`, are the firmware's. Others, and quantities in physical units, are computed here in double precision.
 pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     full_range(case)?;
     let cps = case.whole("cps", 0, LARGEST_CPS)?;
@@ -98,7 +100,7 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     let emf = constant(case.number("keFw_q20")?)?.emf_within_range(CountsPerSecond::new(cps as i32))?;
     let at = OperatingPoint::new(emf, Millivolts::new(battery as u16)).ok_or(BATTERY)?;
     let formula = |scheme| Points::from_formula(scheme, at);
-    let d = formula(Scheme::D(BlendChoice::fixed(case.number("blend")?)?.0));
+    let d = formula(Scheme::D(BlendChoice::fixed(case.blend()?)?.0));
     let x = |points: Option<Points>, which: fn(&Points) -> UnboundedControl| {
         points.as_ref().map(which).map(UnboundedControl::to_f64)
     };
@@ -107,12 +109,16 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     let c_t = x(formula(Scheme::C), |p| p.t);
     let (emf_mv, battery_mv) = (cps as f64 * case.positive("keFw")?, battery as f64);
     let r = case.positive("R")?;
+    let exact = |scheme: paper::Scheme| {
+        let at = Conditions { battery: Volts(1e-3 * battery_mv), emf: Volts(1e-3 * emf_mv) };
+        scheme.points(LARGEST_CONTROL as f64, Ohms(r), at)
+    };
     let amps = |mv: f64| mv * 1e-3 / r;
     Ok(json!({
         "emf_mV": emf_mv,
-        "A_xZ": a_z,
-        "B_xT": b_t,
-        "C_xT": c_t,
+        "A_xZ": exact(paper::Scheme::A).z.x,
+        "B_xT": exact(paper::Scheme::B).t.x,
+        "C_xT": exact(paper::Scheme::C).t.x,
         "D_xT": x(d, |p| p.t),
         "D_xS": x(d, |p| p.s),
         "A_xZ_q20": a_z,
@@ -142,7 +148,7 @@ pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
 pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     full_range(case)?;
     let scheme: SchemeName = case.text("scheme")?.parse()?;
-    let blend = if case.has("blend") { Some(BlendChoice::fixed(case.number("blend")?)?) } else { None };
+    let blend = if case.has("blend") { Some(BlendChoice::fixed(case.blend()?)?) } else { None };
     let scheme = scheme.with_blend(blend)?;
 
     let emf = Volts(case.positive("Ke")? * case.number("Omega")?);
@@ -219,7 +225,7 @@ fn control(value: f64) -> Result<Control, CaseError> {
     if value.fract() == 0.0 && value.abs() <= LARGEST_CONTROL as f64 {
         Ok(Control::new(value as i16))
     } else {
-        Err(format!("control {value} must be a whole number from -32767 to 32767").into())
+        Err(format!("control {} must be a whole number from -32767 to 32767", number_text(value)).into())
     }
 }
 

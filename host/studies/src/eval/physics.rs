@@ -33,7 +33,7 @@ pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
         braking::Scheme::A => Scheme::A,
         braking::Scheme::B => Scheme::B,
         braking::Scheme::C => Scheme::C,
-        braking::Scheme::D(_) => Scheme::D { blend: case.number("blend")? },
+        braking::Scheme::D(_) => Scheme::D { blend: case.blend()? },
         braking::Scheme::ForwardReverse => {
             return Err(format!("input scheme = {name:?} must be A, B, C or D").into());
         }
@@ -52,7 +52,7 @@ pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
 }
 
 fn geared(case: &Case) -> Result<(Motor, GearedMotor), CaseError> {
-    let motor = case.motor()?;
+    let motor = case.moving_motor()?;
     let load = Load {
         inertia_after: KgM2(case.not_negative("Jafter")?),
         drag_after: Drag(case.not_negative("Bafter")?),
