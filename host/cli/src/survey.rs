@@ -44,17 +44,18 @@ pub(crate) struct Options {
     /// Run only this part
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
-    /// Seed of the random scenarios
-    #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
-    seed: u64,
-    /// Number of random scenarios
-    #[arg(long, default_value_t = 300, value_parser = whole("how many", 0..=1_000_000_u64, "scenarios"))]
-    scenarios: u64,
+    /// Seed of the random scenarios; 1 by default
+    #[arg(long, value_parser = whole("a seed", 0..=u64::MAX, ""))]
+    seed: Option<u64>,
+    /// Number of random scenarios; 300 by default
+    #[arg(long, value_parser = whole("how many", 0..=1_000_000_u64, "scenarios"))]
+    scenarios: Option<u64>,
     /// Number of worst responses to list
     #[arg(long, default_value_t = 10, value_parser = whole("how many to list", 0..=1_000_000_usize, "responses"))]
     worst: usize,
     /// Write the random scenario of this number to the folder, and run nothing
     #[arg(long, value_name = "NUMBER", value_parser = whole("a scenario's number", 0..=u64::MAX, ""))]
+    #[arg(conflicts_with_all = ["only", "scenarios", "worst", "json"])]
     dump: Option<u64>,
     /// Folder for charts and tables.md, or for the scenario of --dump
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/survey")]
@@ -66,19 +67,25 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        let wanted = |part| self.only.is_none_or(|only| only == part);
+        if !wanted(Part::Random) && (self.seed.is_some() || self.scenarios.is_some()) {
+            return Err(Failure::input(
+                "--seed and --scenarios are of the random scenarios, which --only leaves out",
+            ));
+        }
+        let seed = self.seed.unwrap_or(1);
         let folder = Folder::new(&self.out)?;
         if let Some(number) = self.dump {
-            let name = format!("survey-{}-{number}.toml", self.seed);
-            let text = random::toml(&random::scenario(self.seed, number));
+            let name = format!("survey-{seed}-{number}.toml");
+            let text = random::toml(&random::scenario(seed, number));
             return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
-        let wanted = |part| self.only.is_none_or(|only| only == part);
         let results = in_steps("runs", |step| {
             Ok(Results {
                 reference: wanted(Part::Reference).then(|| reference::run(step)).transpose()?,
                 cells: wanted(Part::Cells).then(|| bare_motors::run(step)).transpose()?,
                 survey: wanted(Part::Random)
-                    .then(|| Survey::new(self.seed, self.scenarios, step))
+                    .then(|| Survey::new(seed, self.scenarios.unwrap_or(300), step))
                     .transpose()?,
             })
         })

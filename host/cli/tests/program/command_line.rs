@@ -237,6 +237,20 @@ fn files_are_listed_as_people_count() {
 }
 
 #[test]
+fn options_of_a_survey_that_would_have_no_effect_are_refused() {
+    for (arguments, says) in [
+        (&["--dump", "3", "--json"][..], "--json"),
+        (&["--dump", "3", "--only", "random"], "--only"),
+        (&["--dump", "3", "--scenarios", "5"], "--scenarios"),
+        (&["--dump", "3", "--worst", "5"], "--worst"),
+        (&["--only", "reference", "--seed", "3"], "--only leaves out"),
+        (&["--only", "cells", "--scenarios", "3"], "--only leaves out"),
+    ] {
+        fails(&motor_hub(&[&["survey"], arguments].concat()), 2, says);
+    }
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
     let file = folder("in-the-way");
     std::fs::write(&file, "a file").unwrap();
