@@ -325,7 +325,8 @@ fn counts(counts: f64) -> u16 {
 
 impl Encoders<MOTORS> for Board {
     fn counts(&mut self) -> [Option<u16>; MOTORS] {
-        let mut counts = [None; MOTORS];
+        // A channel without a motor has a counter that stands still, as on a chip.
+        let mut counts = [Some(0); MOTORS];
         for (count, counter) in counts.iter_mut().zip(&self.0.borrow().counters) {
             // A counter of 16 bits wraps.
             *count = Some(counter.count() as u16);

@@ -48,8 +48,8 @@ impl Reading {
         why_still(self.report.as_ref()?, motor.into())
     }
 
-    fn battery_v(&self) -> f64 {
-        f64::from(self.battery.get()) / 1000.0
+    fn battery_v(&self) -> Option<f64> {
+        volts(self.battery)
     }
 
     /// Returns a table for a terminal. `counts_per_turn` is the number of counts in a turn of the output shaft; if it is given,
@@ -74,8 +74,8 @@ impl Reading {
             });
             table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
-        let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
-        format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.status_text())
+        let (seconds, battery) = (self.at.as_secs_f64(), volts_text(self.battery_v(), 2));
+        format!("{seconds:.1} s, battery {battery}\n{}\n{table}\n", self.status_text())
     }
 
     /// Returns status and alerts as text.
@@ -100,7 +100,7 @@ impl Reading {
             format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{state}")
         });
         let motors: String = motors.collect();
-        format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
+        format!("{:.1} s, {}{motors}\n", self.at.as_secs_f64(), volts_text(self.battery_v(), 2))
     }
 
     /// Returns the reading as JSON in seconds, volts, counts and counts per second; with `counts_per_turn`, also the speed of the
@@ -139,6 +139,16 @@ impl Reading {
             "motors": motors,
         })
     }
+}
+
+/// Returns a battery voltage in volts; `None` if the hub does not know the voltage and sends 0.
+pub(super) fn volts(battery: Millivolts) -> Option<f64> {
+    (battery != Millivolts::default()).then(|| f64::from(battery.get()) / 1e3)
+}
+
+/// Returns a voltage as text.
+pub(super) fn volts_text(volts: Option<f64>, decimals: usize) -> String {
+    volts.map_or_else(|| "unknown".to_owned(), |volts| format!("{volts:.decimals$} V"))
 }
 
 /// Returns regime, mode and duty of the bridge as text.

@@ -71,18 +71,23 @@ impl Options {
         let folder = Folder::new(&self.out)?;
         let session = &mut hub.open(drive.hub())?;
         let interval = Duration::from_secs(1) / self.rate;
-        let mut progress = Progress::new(&motion, interval);
+        // Between two recorded readings the motors are read as often as the judgement of a speed needs.
+        let parts = JUDGED_HZ.div_ceil(self.rate);
+        let mut progress = Progress::new(&motion, interval / parts);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
         let mut recorder = Recorder::new(&self.out, &words, &motion)?;
         let done = DrivingSession::run(session, |driven| {
             motion.begin(driven)?;
             let mut checked = Instant::now();
-            let settled = repeat(interval, motion.length, |since| {
+            let mut readings = 0_u32;
+            let settled = repeat(interval / parts, motion.length, |since| {
                 if checked.elapsed() > CHECK {
                     motion.check(driven)?;
                     checked = Instant::now();
                 }
-                recorder.read(driven, &motion, since, &mut progress)
+                let recorded = readings.is_multiple_of(parts);
+                readings = readings.wrapping_add(1);
+                recorder.read(driven, &motion, since, recorded, &mut progress)
             })?;
             if settled { Ok(()) } else { progress.judge() }
         });
@@ -125,12 +130,13 @@ impl Recorder {
         })
     }
 
-    /// Takes a reading. Returns true if the motors have settled.
+    /// Takes a reading, and writes the reading to the file if it is `recorded`. Returns true if the motors have settled.
     fn read(
         &mut self,
         session: &mut Session,
         motion: &Motion,
         since: Instant,
+        recorded: bool,
         progress: &mut Progress<'_>,
     ) -> Result<bool, Failure> {
         let begun = Instant::now();
@@ -140,6 +146,10 @@ impl Recorder {
             None => (session.battery()?, session.bulk()?),
         };
         let at = since.elapsed();
+        let settled = progress.observe(at, &bulk, report.as_ref());
+        if !recorded {
+            return Ok(settled);
+        }
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
         for MotorReading { motor, position, velocity: cps, .. } in motors_of(&bulk, &motion.motors) {
@@ -158,7 +168,7 @@ impl Recorder {
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
         self.slowest = self.slowest.max(begun.elapsed());
-        Ok(progress.observe(at, &bulk, report.as_ref()))
+        Ok(settled)
     }
 
     /// Current of a motor in amperes; `None` once the hub has refused to report it.
@@ -181,11 +191,12 @@ impl Recorder {
         let charts = folder.write_all(drawn(&self.recording.figures()))?;
         let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
         let slowest = self.slowest.as_secs_f64() * 1e3;
+        let of = |count: usize, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
         print(&format!(
-            "{} readings, {rate:.1} per second, slowest reading {slowest:.1} ms: {} and {} charts\n",
-            self.readings,
+            "{}, {rate:.1} per second, slowest reading {slowest:.1} ms: {} and {}\n",
+            of(self.readings as usize, "reading"),
             self.path.display(),
-            charts.len()
+            of(charts.len(), "chart")
         ))
     }
 }
@@ -199,6 +210,10 @@ fn bulk_of(report: &HubReport) -> Bulk {
     }
     bulk
 }
+
+/// Least number of readings per second by which the speed of a motor is judged. The mean of the last 0.5 s is then of at
+/// least five readings.
+const JUDGED_HZ: u32 = 10;
 
 /// Interval between two checks whether the motors are still enabled.
 const CHECK: Duration = Duration::from_millis(500);

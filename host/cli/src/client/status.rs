@@ -2,7 +2,7 @@
 
 use super::drive::ALL;
 use super::hub::HubOptions;
-use super::readings::{MotorReading, alert_words, motors_of};
+use super::readings::{MotorReading, alert_words, motors_of, volts, volts_text};
 use crate::output::{Failure, print_as};
 use motor_hub::extension::report::{BusReport, Condition};
 use motor_hub::motor::{SenseLine, ZeroPower};
@@ -81,10 +81,6 @@ impl HubStatus {
         self.conditions.get(usize::from(motor))
     }
 
-    fn battery_v(&self) -> f64 {
-        f64::from(self.battery.get()) / 1000.0
-    }
-
     fn text(&self) -> String {
         let or = |words: String, none: &str| if words.is_empty() { none.to_owned() } else { words };
         let Colour { red, green, blue } = self.led;
@@ -92,7 +88,7 @@ impl HubStatus {
         head.add_row(["status", &or(self.status.words().join(", "), "no alerts")])
             .add_row(["motor alerts", &or(alert_words(self.status).join(", "), "none")])
             .add_row(["version", &self.version])
-            .add_row(["battery", &format!("{:.3} V", self.battery_v())])
+            .add_row(["battery", &volts_text(volts(self.battery), 3)])
             .add_row(["bus", &self.bus.map_or_else(|| NOT_REPORTED.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
         let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
@@ -149,7 +145,7 @@ impl HubStatus {
             "motor_alerts": alert_words(self.status),
             "attention": self.bulk.attention,
             "version": self.version,
-            "battery_v": self.battery_v(),
+            "battery_v": volts(self.battery),
             "bus": self.bus.map(bus_json),
             "led": { "red": red, "green": green, "blue": blue },
             "motors": motors,
@@ -163,8 +159,7 @@ const NOT_REPORTED: &str = "not reported";
 fn bus_words(bus: BusReport) -> String {
     let meaning = bus_text(bus.state);
     let [returned, dissipated] = [bus.returned_mj, bus.dissipated_mj].map(|mj| f64::from(mj) / 1e3);
-    let volts =
-        bus.measured.map_or_else(|| "unknown".to_owned(), |mv| format!("{:.3} V", f64::from(mv.get()) / 1e3));
+    let volts = volts_text(bus.measured.and_then(volts), 3);
     format!("{volts}: {meaning}\n{returned:.1} J returned by braking motors, {dissipated:.1} J dissipated")
 }
 

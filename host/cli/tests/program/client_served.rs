@@ -425,6 +425,32 @@ fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
 }
 
 #[test]
+fn a_speed_is_judged_by_its_last_half_second_at_any_rate_of_a_recording() {
+    let hub = Hub::served();
+    let folder = folder("record-slow");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--rate-hz", "1", "--"];
+    let drive = ["velocity", "0", "400", "--for-s", "1.9"];
+    let shown = out(&client(&hub, &[&record[..], &drive].concat()));
+    assert!(shown.contains(" readings, ") && shown.ends_with(" and 1 chart\n"), "{shown}");
+    assert_eq!(rows(&folder).len(), 2);
+}
+
+#[test]
+fn a_battery_voltage_that_the_hub_does_not_know_is_unknown() {
+    let scenario = folder("no-battery").with_extension("toml");
+    let text = "name = \"low\"\nduration_s = 30\nbattery = { emf_v = 1, resistance_ohm = 0 }\n\
+                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
+    std::fs::write(&scenario, text).unwrap();
+    let hub = Hub::served_with(&["--scenario", scenario.to_str().unwrap()]);
+    let document = status(&hub);
+    assert_eq!(document["battery_v"], Value::Null);
+    // Three channels have no motor.
+    assert_eq!(document["motor_alerts"], serde_json::json!([]));
+    let shown = out(&client(&hub, &["status"]));
+    assert!(shown.lines().any(|line| line.contains("battery") && line.contains("unknown")), "{shown}");
+}
+
+#[test]
 fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
     let hub = Hub::served();
     let folder = folder("constant-current");
