@@ -169,6 +169,8 @@ impl Hub {
                 format!("motor {motor} has another joint already; give each motor one joint")
             } else if name.is_empty() || !names.insert(name) {
                 "the name is empty or used twice; give each joint a name of its own".to_owned()
+            } else if name.contains(char::is_control) {
+                "the name has a control character, such as a tab or NUL; give a name without one".to_owned()
             } else if !counts_per_turn.is_finite() || *counts_per_turn == 0.0 {
                 format!("counts_per_turn is {counts_per_turn}; allowed is every number but 0")
             } else if !speed.is_finite() || *speed <= 0.0 {
@@ -284,6 +286,8 @@ pub(crate) mod tests {
             ("motor = 1", "address = 255, motor = 1", "address is 255; allowed are 1 to 254"),
             ("motor = 1", "address = 3, motor = 0", "both wheels must be motors of the hub at this place"),
             ("\"right\", motor", "\"left\", motor", "empty or used twice"),
+            ("\"right\", motor", "\"a\\u0000b\", motor", "the name has a control character"),
+            ("\"right\", motor", "\"a\\nb\", motor", "the name has a control character"),
             ("1680, torque", "0, torque", "counts_per_turn is 0; allowed is every number but 0"),
             (
                 "speed = 6 },\n        ]",
