@@ -30,8 +30,13 @@ fn main() -> ExitCode {
     let outcome = match (arguments.next().as_deref(), arguments.next()) {
         (Some("--help" | "-h"), None) => {
             println!(
-                "Usage: motor-hub-ros CONFIG.toml\n\nMakes motor hubs nodes of ROS 2; see docs/guides/ros2.md"
+                "Usage: motor-hub-ros CONFIG.toml\n\nMakes motor hubs nodes of ROS 2; see docs/guides/ros2.md\n\n\
+                 Options:\n  -h, --help     Print help\n  -V, --version  Print version"
             );
+            Ok(())
+        }
+        (Some("--version" | "-V"), None) => {
+            println!("motor-hub-ros {}", env!("CARGO_PKG_VERSION"));
             Ok(())
         }
         (Some(path), None) => run(Path::new(path)),
@@ -52,6 +57,8 @@ fn run(path: &Path) -> Result<(), String> {
         |path: &Path| std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()));
     let config = Config::read(&read(path)?).map_err(|error| format!("{}: {error}", path.display()))?;
     let domain = config.domain()?;
+    let description = |hub: &config::Hub| hub.robot_description.as_deref().map(read).transpose();
+    let descriptions = config.hubs.iter().map(description).collect::<Result<Vec<_>, _>>()?;
     let ends = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         // A second signal ends the program immediately, also while the program waits for a router.
@@ -65,10 +72,9 @@ fn run(path: &Path) -> Result<(), String> {
 
     let mut graph = Graph::new(&session, domain, config.distribution);
     let mut threads = Vec::new();
-    for hub in config.hubs {
+    for (hub, description) in config.hubs.into_iter().zip(descriptions) {
         let (sender, events) = std::sync::mpsc::channel();
         let malformed = Arc::new(AtomicU64::new(0));
-        let description = hub.robot_description.as_deref().map(read).transpose()?;
         let topics = graph
             .join(&hub, description.as_deref(), &sender, &malformed)
             .map_err(|error| format!("hub {}: {error}", hub.place))?;

@@ -313,6 +313,30 @@ class WithRobot(unittest.TestCase):
         return self.newest[DIAGNOSTICS].status[0]
 
 
+class Program(unittest.TestCase):
+    """The program before it has a router."""
+
+    def run_with(self, *arguments: str) -> subprocess.CompletedProcess:
+        return subprocess.run([os.environ["MOTOR_HUB_ROS"], *arguments], capture_output=True, text=True, timeout=10)
+
+    def test_version_and_help_are_printed(self) -> None:
+        for option in ("--version", "-V"):
+            version = self.run_with(option)
+            self.assertEqual(version.returncode, 0, version.stderr)
+            self.assertRegex(version.stdout, r"^motor-hub-ros \d+\.\d+\.\d+\n$")
+        usage = self.run_with("--help")
+        self.assertEqual((usage.returncode, usage.stdout.splitlines()[0]), (0, "Usage: motor-hub-ros CONFIG.toml"))
+
+    def test_a_missing_description_of_the_robot_is_named_before_a_router_is_there(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            config = Path(folder, "config.toml")
+            text = HEAD.format(port=free_port(), distribution="jazzy")
+            config.write_text(text + HUB.format(place="127.0.0.1:1", namespace="/hub0", urdf=f"{folder}/none.urdf"))
+            ended = self.run_with(str(config))
+        self.assertEqual((ended.returncode, ended.stdout), (1, ""))
+        self.assertIn("none.urdf: No such file", ended.stderr)
+
+
 class Graph(WithRobot):
     def test_every_topic_and_service_has_a_token_and_a_gid_of_it(self) -> None:
         time.sleep(1)
