@@ -16,6 +16,7 @@
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
 use crate::names::{Publishers, Source};
+use motor_hub_client::motor::constant_current_ma;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::group::GyroState;
@@ -125,6 +126,8 @@ pub(crate) struct Robot {
     unknown_joints: u64,
     /// The name in the last of these commands.
     last_unknown_joint: Option<String>,
+    /// Number of commands beyond what the protocol can express.
+    out_of_range: u64,
 }
 
 impl Robot {
@@ -140,6 +143,7 @@ impl Robot {
             twist: (0.0, 0.0),
             unknown_joints: 0,
             last_unknown_joint: None,
+            out_of_range: 0,
         }
     }
 
@@ -148,13 +152,17 @@ impl Robot {
     }
 
     /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol
-    /// can express are reduced together, so that the curve keeps its radius.
+    /// can express are reduced together, so that the curve keeps its radius. Speeds that cannot be computed are ignored
+    /// and counted.
     pub(crate) fn twist(&mut self, from: Source, (forward, turn): (f64, f64), now: Duration) {
         let Some((base, joints)) = self.config.drive_base() else { return };
+        let Ok(speeds) = base.speeds(1e3 * forward, turn.to_degrees()) else {
+            self.out_of_range += 1;
+            return;
+        };
         if !self.admits(from, now) {
             return;
         }
-        let Ok(speeds) = base.speeds(1e3 * forward, turn.to_degrees()) else { return };
         let speeds = speeds.map(CountsPerSecond::to_f64);
         let fastest = speeds.iter().fold(FASTEST, |most, speed| most.max(speed.abs()));
         for (joint, speed) in joints.into_iter().zip(speeds) {
@@ -164,8 +172,8 @@ impl Robot {
 
     /// Takes commands for joints by name. A joint with a position moves to this position. The velocity, if given,
     /// limits its speed. A joint without a position turns at its velocity. A joint with an effort only gets a constant
-    /// current for this torque. Values that are not finite numbers are ignored. Unknown names are ignored and counted. A
-    /// message without a command for a joint makes no commander.
+    /// current for this torque. Values that are not finite numbers are ignored. Unknown names, and commands out of range,
+    /// are ignored and counted. A message without a command for a joint makes no commander.
     pub(crate) fn joints(&mut self, from: Source, commands: &JointCommands, now: Duration) {
         let mut setpoints = Vec::new();
         for (index, name) in commands.names.iter().enumerate() {
@@ -181,7 +189,10 @@ impl Robot {
                 value(&commands.velocities),
                 value(&commands.efforts),
             );
-            setpoints.extend(setpoint.map(|setpoint| (at, setpoint)));
+            match setpoint {
+                Ok(setpoint) => setpoints.extend(setpoint.map(|setpoint| (at, setpoint))),
+                Err(OutOfRange) => self.out_of_range += 1,
+            }
         }
         if setpoints.is_empty() || !self.admits(from, now) {
             return;
@@ -396,6 +407,7 @@ impl Robot {
         let mut values = vec![
             ("malformed messages", malformed.to_string()),
             ("commands for unknown joints", self.unknown_joints.to_string()),
+            ("commands out of range", self.out_of_range.to_string()),
         ];
         values.extend(self.last_unknown_joint.clone().map(|name| ("last unknown joint", name)));
         if let Some(OdometryReport { gyro, losses, .. }) = self.odometry {
@@ -463,30 +475,43 @@ fn drawn(motor: &MotorReport) -> f32 {
     }
 }
 
+/// A command is beyond what the protocol can express.
+struct OutOfRange;
+
+/// Rounds a value of a command to whole units of the hub.
+fn whole(value: f64, most: f64) -> Result<f64, OutOfRange> {
+    let value = value.round();
+    if value.abs() <= most { Ok(value) } else { Err(OutOfRange) }
+}
+
+/// Returns the set-point for a joint's command; `None` for a command without values, or with an effort that the joint
+/// does not accept.
 fn setpoint(
     joint: &Joint,
     position: Option<f64>,
     velocity: Option<f64>,
     effort: Option<f64>,
-) -> Option<Setpoint> {
+) -> Result<Option<Setpoint>, OutOfRange> {
     let scale = joint.counts_per_radian();
     let limit = (joint.speed * scale.abs()).clamp(1.0, FASTEST).round();
-    match (position, velocity, effort) {
+    Ok(Some(match (position, velocity, effort) {
         (Some(position), velocity, _) => {
-            let speed =
-                velocity.map(|velocity| (velocity * scale).abs().round()).filter(|speed| *speed >= 1.0);
-            let counts = (position * scale).round() as i32;
-            Some(Setpoint::Position { counts, speed: speed.unwrap_or(limit).min(limit) as i16 })
+            // Programs of ROS often fill in 0 for a velocity that is not given.
+            let speed = velocity
+                .filter(|velocity| *velocity != 0.0)
+                .map_or(limit, |velocity| (velocity * scale).abs().round().clamp(1.0, limit));
+            let counts = whole(position * scale, f64::from(i32::MAX))? as i32;
+            Setpoint::Position { counts, speed: speed as i16 }
         }
-        (None, Some(velocity), _) => {
-            Some(Setpoint::Velocity((velocity * scale).clamp(-FASTEST, FASTEST).round() as i16))
-        }
+        (None, Some(velocity), _) => Setpoint::Velocity(whole(velocity * scale, FASTEST)? as i16),
         (None, None, Some(effort)) => {
-            let ma = 1e3 * effort / joint.torque_per_ampere? * scale.signum();
-            Some(Setpoint::Current { ma: ma.round() as i32, speed: limit as u16 })
+            let Some(torque_per_ampere) = joint.torque_per_ampere else { return Ok(None) };
+            let amperes = effort / torque_per_ampere * scale.signum();
+            let ma = constant_current_ma(amperes).map_err(|_| OutOfRange)?;
+            Setpoint::Current { ma, speed: limit as u16 }
         }
-        (None, None, None) => None,
-    }
+        (None, None, None) => return Ok(None),
+    }))
 }
 
 #[cfg(test)]
@@ -581,6 +606,58 @@ mod tests {
     }
 
     #[test]
+    fn a_position_has_a_speed_limit_of_one_count_per_second_at_least_and_a_velocity_of_zero_is_no_limit() {
+        for (velocity, speed) in [(0.001, 1), (-0.001, 1), (1.0, 267), (1e300, 1604), (0.0, 1604)] {
+            let mut robot = robot();
+            let to = JointCommands {
+                names: vec!["left".to_owned()],
+                positions: vec![TAU],
+                velocities: vec![velocity],
+                ..JointCommands::default()
+            };
+            robot.joints(A, &to, ms(0));
+            assert_eq!(
+                robot.due(ms(0)),
+                [(0, Setpoint::Position { counts: 1680, speed })],
+                "{velocity} rad/s"
+            );
+        }
+    }
+
+    #[test]
+    fn a_command_out_of_range_is_refused_and_counted_and_makes_no_commander() {
+        let mut robot = robot();
+        robot.observe(None, report([0, 0]), None);
+        robot.joints(A, &velocities(&["left"], &[1.0]), ms(0));
+        robot.due(ms(0));
+        let only = |positions: &[f64], velocities: &[f64], efforts: &[f64]| JointCommands {
+            names: vec!["left".to_owned()],
+            positions: positions.to_vec(),
+            velocities: velocities.to_vec(),
+            efforts: efforts.to_vec(),
+        };
+        // The largest values are 2^31 - 1 counts, 32767 counts/s and 65.535 A.
+        for out in [
+            only(&[-1e300], &[], &[]),
+            only(&[8.04e6], &[], &[]),
+            only(&[], &[1e300], &[]),
+            only(&[], &[-122.6], &[]),
+            only(&[], &[], &[1e300]),
+            only(&[], &[], &[-39.4]),
+        ] {
+            robot.joints(B, &out, ms(10));
+            assert_eq!(robot.due(ms(10)), [], "{out:?}");
+        }
+        robot.twist(B, (1e300, 0.0), ms(10));
+        // Another joint of the same message is driven.
+        robot.joints(A, &velocities(&["left", "right"], &[1e300, 1.0]), ms(20));
+        assert_eq!(robot.due(ms(20)), [(1, Setpoint::Velocity(-267))]);
+        let hub = robot.diagnostics(0, ms(20)).remove(0);
+        assert_eq!(hub.message, "ready");
+        assert_eq!(hub.values[2], ("commands out of range", "8".to_owned()));
+    }
+
+    #[test]
     fn a_position_whose_commands_end_is_held_where_the_joint_is() {
         let mut robot = robot();
         let to = JointCommands {
@@ -661,10 +738,8 @@ mod tests {
         assert_eq!(robot.due(ms(20)), [(0, Setpoint::Velocity(535))]);
         let hub = robot.diagnostics(0, ms(20)).remove(0);
         assert_eq!(hub.message, "ready");
-        assert_eq!(
-            hub.values[1..],
-            [("commands for unknown joints", "2".to_owned()), ("last unknown joint", "lift".to_owned())]
-        );
+        assert_eq!(hub.values[1], ("commands for unknown joints", "2".to_owned()));
+        assert_eq!(hub.values[3], ("last unknown joint", "lift".to_owned()));
     }
 
     #[test]
