@@ -1,8 +1,8 @@
 //! Native module of the Python package `motor_hub`: a session with one hub. Its calls block, and release Python's
 //! global interpreter lock while they wait.
 //!
-//! `motor_hub/__init__.py` calls these functions in threads, and offers them as an asyncio interface. Numbers arrive
-//! from Python as `i64` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
+//! `motor_hub/__init__.py` calls these functions in a thread, and offers them as an asyncio interface. Numbers arrive
+//! from Python as [`Whole`] or `f64`: a number out of range raises a `ValueError` that names the value and the range.
 
 mod reading;
 
@@ -20,7 +20,7 @@ use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::{Error, Session, reasons};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyOverflowError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -61,9 +61,37 @@ impl From<Error> for Failure {
     }
 }
 
+/// A whole number from Python, limited to 64 bits. The ranges of all quantities are far smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Whole(i64);
+
+impl FromPyObject<'_, '_> for Whole {
+    type Error = PyErr;
+
+    fn extract(number: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        match number.extract::<i64>() {
+            Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
+                Ok(Self(if number.lt(0)? { i64::MIN } else { i64::MAX }))
+            }
+            value => value.map(Self),
+        }
+    }
+}
+
+impl Display for Whole {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let beyond = match self.0 {
+            i64::MIN => " or less",
+            i64::MAX => " or more",
+            _ => "",
+        };
+        write!(out, "{}{beyond}", self.0)
+    }
+}
+
 /// Checks a number from Python. The error names the quantity, the number and the range.
-fn within<T: TryFrom<i64>>(name: &str, value: i64, least: i64, most: i64, unit: &str) -> PyResult<T> {
-    let fits = T::try_from(value).ok().filter(|_| (least..=most).contains(&value));
+fn within<T: TryFrom<i64>>(name: &str, value: Whole, least: i64, most: i64, unit: &str) -> PyResult<T> {
+    let fits = T::try_from(value.0).ok().filter(|_| (least..=most).contains(&value.0));
     fits.ok_or_else(|| outside(name, value, least, most, unit))
 }
 
@@ -73,12 +101,12 @@ fn outside(name: &str, value: impl Display, least: impl Display, most: impl Disp
     )
 }
 
-fn channel(motor: i64) -> PyResult<u8> {
+fn channel(motor: Whole) -> PyResult<u8> {
     within("motor", motor, 0, CHANNELS as i64 - 1, "")
 }
 
 /// Checks a speed limit in counts/s.
-fn speed_limit<T: TryFrom<i64>>(cps: i64) -> PyResult<T> {
+fn speed_limit<T: TryFrom<i64>>(cps: Whole) -> PyResult<T> {
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| i64::from(*cps));
     within("speed", cps, least, most, "counts/s")
 }
@@ -147,7 +175,7 @@ impl Link {
 
     /// Enables motors with constant power 0, so that they brake. After an error of one motor all these motors are
     /// disabled again.
-    fn enable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
+    fn enable(&self, py: Python<'_>, motors: Vec<Whole>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
         let enabled = self.run(py, |session| {
             motors.iter().try_for_each(|motor| {
@@ -164,25 +192,25 @@ impl Link {
 
     /// Disables motors. After an error all motors are tried again for 2.5 s, the time-out of the hub's keep-alive. An
     /// error of one motor does not prevent the attempt to disable the others.
-    fn disable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
+    fn disable(&self, py: Python<'_>, motors: Vec<Whole>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
         self.run(py, |session| session.disable_all(&motors))
     }
 
     /// Returns those of these motors that the hub has disabled.
-    fn disabled(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<Vec<i64>> {
+    fn disabled(&self, py: Python<'_>, motors: Vec<Whole>) -> PyResult<Vec<i64>> {
         let mut disabled = Vec::new();
         for motor in motors {
             let number = channel(motor)?;
             if !self.run(py, |session| session.enabled(number))? {
-                disabled.push(motor);
+                disabled.push(motor.0);
             }
         }
         Ok(disabled)
     }
 
     /// Sets constant power as a share of full power, -1 to 1.
-    fn power(&self, py: Python<'_>, motor: i64, share: f64) -> PyResult<()> {
+    fn power(&self, py: Python<'_>, motor: Whole, share: f64) -> PyResult<()> {
         let motor = channel(motor)?;
         if !(-1.0..=1.0).contains(&share) {
             return Err(outside("power", share, -1, 1, "of full power"));
@@ -191,13 +219,20 @@ impl Link {
         self.set_setpoint(py, motor, Setpoint::Power(power))
     }
 
-    fn velocity(&self, py: Python<'_>, motor: i64, cps: i64) -> PyResult<()> {
+    fn velocity(&self, py: Python<'_>, motor: Whole, cps: Whole) -> PyResult<()> {
         let motor = channel(motor)?;
         let cps = within("velocity", cps, i16::MIN.into(), i16::MAX.into(), "counts/s")?;
         self.set_setpoint(py, motor, Setpoint::Velocity(cps))
     }
 
-    fn position(&self, py: Python<'_>, motor: i64, counts: i64, speed: i64, tolerance: i64) -> PyResult<()> {
+    fn position(
+        &self,
+        py: Python<'_>,
+        motor: Whole,
+        counts: Whole,
+        speed: Whole,
+        tolerance: Whole,
+    ) -> PyResult<()> {
         let motor = channel(motor)?;
         let counts = within("position", counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
         let speed_limit = speed_limit(speed)?;
@@ -206,7 +241,7 @@ impl Link {
     }
 
     /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
-    fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
+    fn current(&self, py: Python<'_>, motor: Whole, amperes: f64, speed: Whole) -> PyResult<()> {
         let motor = channel(motor)?;
         let ma = constant_current_ma(amperes).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let speed_limit = speed_limit(speed)?;
@@ -215,7 +250,7 @@ impl Link {
 
     /// Makes the present position 0 counts. Returns false, and resets nothing, while the motor has a target position, alone
     /// or in a group. The hub would keep the number of this target, so the motor would run to another place.
-    fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<bool> {
+    fn reset_encoder(&self, py: Python<'_>, motor: Whole) -> PyResult<bool> {
         let motor = channel(motor)?;
         self.run(py, |session| {
             session.catch_up()?;
@@ -257,7 +292,7 @@ impl Link {
     }
 
     /// Starts an identification. Returns the largest travel in counts in either direction.
-    fn identify(&self, py: Python<'_>, motor: i64, travel: i64) -> PyResult<u32> {
+    fn identify(&self, py: Python<'_>, motor: Whole, travel: Whole) -> PyResult<u32> {
         let motor = channel(motor)?;
         let travel = within("travel", travel, 1, u32::MAX.into(), "counts")?;
         self.run(py, |session| session.identify(motor, travel))
@@ -265,7 +300,7 @@ impl Link {
 
     /// Returns the progress in percent while an identification runs, `None` before the first identification, and then
     /// the fields of `Identified`. Raises `Refused` if the motor was not identified.
-    fn identification<'py>(&self, py: Python<'py>, motor: i64) -> PyResult<Bound<'py, PyAny>> {
+    fn identification<'py>(&self, py: Python<'py>, motor: Whole) -> PyResult<Bound<'py, PyAny>> {
         let motor = channel(motor)?;
         match self.run(py, |session| session.identification(motor))? {
             Identification::None => Ok(py.None().into_bound(py)),
@@ -279,7 +314,7 @@ impl Link {
 
     /// Puts the result of the last identification in force until the hub's reset. The hub deletes coefficients that a
     /// host has set.
-    fn apply_identification(&self, py: Python<'_>, motor: i64) -> PyResult<()> {
+    fn apply_identification(&self, py: Python<'_>, motor: Whole) -> PyResult<()> {
         let motor = channel(motor)?;
         let applied = self.run(py, |session| {
             let Identification::Found(found) = session.identification(motor)? else { return Ok(false) };
@@ -302,7 +337,7 @@ impl Link {
     fn set_base(
         &self,
         py: Python<'_>,
-        wheels: (i64, i64),
+        wheels: (Whole, Whole),
         wheel_diameter_mm: f64,
         track_mm: f64,
         counts_per_turn: (f64, f64),
@@ -379,11 +414,11 @@ impl Link {
     fn together(
         &self,
         py: Python<'_>,
-        targets: BTreeMap<i64, i64>,
+        targets: BTreeMap<Whole, Whole>,
         on: bool,
-        speed: i64,
-        acceleration: i64,
-        tolerance: Option<i64>,
+        speed: Whole,
+        acceleration: Whole,
+        tolerance: Option<Whole>,
     ) -> PyResult<()> {
         let fastest = i64::from(FASTEST_GROUP_CPS);
         let speed: i32 = within("speed", speed, 1, fastest, "counts/s")?;
@@ -406,14 +441,19 @@ impl Link {
         };
         let course = if on { GroupCourse::Velocity(speeds) } else { GroupCourse::Position(places) };
         let usual = GroupCommand::new(course, CountsPerSecond::new(speed), acceleration);
-        let tolerance =
-            within("tolerance", tolerance.unwrap_or(DEFAULT_TOLERANCE.into()), 0, u16::MAX.into(), "counts")?;
+        let tolerance = within(
+            "tolerance",
+            tolerance.unwrap_or(Whole(DEFAULT_TOLERANCE.into())),
+            0,
+            u16::MAX.into(),
+            "counts",
+        )?;
         let first = channel(first)?;
         self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
     }
 
     /// Returns true once all members of the motor's group have settled.
-    fn group_settled(&self, py: Python<'_>, motor: i64) -> PyResult<bool> {
+    fn group_settled(&self, py: Python<'_>, motor: Whole) -> PyResult<bool> {
         let motor = channel(motor)?;
         Ok(self.run(py, |session| session.group_state(motor))? == GroupState::Settled)
     }

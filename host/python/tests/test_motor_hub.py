@@ -239,6 +239,25 @@ class BadInput(WithHub):
                     await command
                 self.assertEqual(str(caught.exception), text)
 
+    async def test_numbers_beyond_64_bits_are_errors_that_name_the_range(self) -> None:
+        more, less = "9223372036854775807 or more", "-9223372036854775808 or less"
+        with self.hub.enabled(0):
+            motor = self.hub[0]
+            for command, text in [
+                (motor.velocity(2**80), f"velocity is {more}; allowed are -32768 to 32767 counts/s"),
+                (motor.velocity(-(10**5000)), f"velocity is {less}; allowed are -32768 to 32767 counts/s"),
+                (motor.position(0, tolerance=2**64), f"tolerance is {more}; allowed are 0 to 65535 counts"),
+                (motor.identify(travel=2**64), f"travel is {more}; allowed are 1 to 4294967295 counts"),
+                (self.hub.together({0: 2**64}), f"target is {more}; allowed are -2147483648 to 2147483647 counts"),
+                (self.hub.together({0: 1}, acceleration=2**64), f"acceleration is {more}; allowed are 1 to 4294967295 counts/s²"),
+            ]:
+                with self.assertRaises(ValueError) as caught:
+                    await command
+                self.assertEqual(str(caught.exception), text)
+        with self.assertRaisesRegex(ValueError, f"motor is {more}; allowed are 0 to 3"):
+            with self.hub.enabled(2**64):
+                self.fail("the block must not run")
+
     async def test_a_motor_that_is_not_there_is_an_error(self) -> None:
         with self.assertRaisesRegex(IndexError, "motor is 4; allowed are 0 to 3"):
             self.hub[4]
