@@ -14,7 +14,8 @@ What stops motors
 Motors turn only inside of a ``with hub.enabled(...)`` block. They are disabled however the block ends: at its end, by an
 exception, by Ctrl-C, by cancellation of the task. While the block runs, the event loop sends the hub's keep-alive. If the
 process is killed, or the event loop is blocked for longer than 2.5 s (by ``time.sleep``, for example), the hub disables all
-motors by itself. The next command and the block's end then raise ``HubError``.
+motors by itself. The next command and the block's end then raise ``HubError``. ``Hub.close``, or a ``with`` block of the
+hub, disables the motors and closes the line.
 
 Units are encoder counts, counts/s, amperes, volts and seconds. Positive values turn a motor clockwise (CW).
 """
@@ -25,11 +26,12 @@ import asyncio
 import dataclasses
 import os
 import tempfile
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from .native import CHANNELS, HubError, Link, Refused, Unreachable, usb_ports
 
@@ -47,6 +49,8 @@ __all__ = [
     "Unreachable",
     "connect",
 ]
+
+_T = TypeVar("_T")
 
 # The hub disables all motors 2.5 s after the last packet.
 _KEEP_ALIVE_S = 0.5
@@ -197,19 +201,41 @@ def _served() -> list[str]:
 
 
 class Hub:
-    """A hub with its motors: ``hub[0]`` to ``hub[3]``. Open it by ``connect``."""
+    """A hub with its motors: ``hub[0]`` to ``hub[3]``. Open it by ``connect``.
+
+    A ``with`` block of the hub closes it, as ``close`` does. A hub without a reference is closed too.
+    """
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        # All requests run in this one thread, in the order of the calls. The event loop's own threads can be busy with other
+        # work for so long that the hub would get no keep-alive.
+        self._thread = ThreadPoolExecutor(1)
         self._enabled: set[int] = set()
         # Motors whose blocks have not ended yet since ``stop`` was called.
         self._stopped: set[int] = set()
-        self._motors = tuple(Motor(self, number) for number in range(CHANNELS))
+
+    def __enter__(self) -> Hub:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Disables the motors whose blocks have not ended, and closes the line, so that another program can open the hub.
+
+        Calls then raise ``HubError``, and so does the end of such a block. Closing a hub twice has no effect.
+        """
+        self._link.close(tuple(self._enabled))
+
+    async def _call(self, call: Callable[..., _T], *arguments: Any) -> _T:
+        """Makes a blocking call in the hub's thread."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, call, *arguments)
 
     def __getitem__(self, number: int) -> Motor:
         if not 0 <= number < CHANNELS:
             raise IndexError(f"motor is {number}; allowed are 0 to {CHANNELS - 1}")
-        return self._motors[number]
+        return Motor(self, number)
 
     def __len__(self) -> int:
         return CHANNELS
@@ -244,7 +270,8 @@ class Hub:
             keeper = loop.create_task(self._keep_alive())
             try:
                 yield
-                self._raise_disabled(*set(motors).difference(self._stopped))
+                for motor in self._link.disabled(tuple(set(motors).difference(self._stopped))):
+                    raise _is_disabled(motor)
             finally:
                 keeper.cancel()
                 self._link.disable(motors)
@@ -257,29 +284,29 @@ class Hub:
             # The hub can answer again before it disables the motors. Motors that it has disabled are an error of the next
             # command, and of the block's end.
             with suppress(HubError):
-                await asyncio.to_thread(self._link.keep_alive)
+                await self._call(self._link.keep_alive)
             await asyncio.sleep(_KEEP_ALIVE_S)
 
     async def version(self) -> str:
         """Version text of the hub's hardware and firmware."""
-        return await asyncio.to_thread(self._link.version)
+        return await self._call(self._link.version)
 
     async def battery(self) -> float | None:
         """Battery voltage in V; ``None`` if the hub does not know it."""
-        return await asyncio.to_thread(self._link.battery)
+        return await self._call(self._link.battery)
 
     async def read(self) -> tuple[Reading, ...]:
         """State of all motors at one control tick."""
-        return tuple(Reading(**fields) for fields in await asyncio.to_thread(self._link.readings))
+        return tuple(Reading(**fields) for fields in await self._call(self._link.readings))
 
     async def stop(self) -> None:
         """Disables all motors of the hub until the end of their blocks: commands raise ``HubError``."""
         self._stopped |= self._enabled
-        await asyncio.to_thread(self._link.fail_safe)
+        await self._call(self._link.fail_safe)
 
     async def save(self) -> None:
         """Stores the settings in force, so that they outlast a reset of the hub."""
-        await asyncio.to_thread(self._link.save)
+        await self._call(self._link.save)
 
     async def together(
         self,
@@ -302,7 +329,7 @@ class Hub:
         """
         await self._check(*targets)
         arguments = (dict(targets), False, speed, acceleration, tolerance)
-        await asyncio.to_thread(self._link.together, *arguments)
+        await self._call(self._link.together, *arguments)
         await self._group_settled(tuple(targets), timeout, f"motors {sorted(targets)} have not settled")
 
     async def _group_settled(self, members: tuple[int, ...], timeout: float | None, failure: str) -> None:
@@ -310,7 +337,7 @@ class Hub:
 
         async def settled() -> bool:
             self._raise_fault(await self.read(), *members)
-            return await asyncio.to_thread(self._link.group_settled, members[0])
+            return await self._call(self._link.group_settled, members[0])
 
         await _until(settled, timeout, failure)
 
@@ -319,7 +346,7 @@ class Hub:
         await self._check(*speeds)
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
-        await asyncio.to_thread(self._link.together, *arguments)
+        await self._call(self._link.together, *arguments)
 
     async def set_base(
         self,
@@ -339,7 +366,7 @@ class Hub:
         Raises ``Refused`` while one of the motors is enabled, and ``TimeoutError`` if the gyro gives no reading within 3 s.
         """
         dimensions = (wheel_diameter_mm, track_mm, counts_per_turn, use_gyro)
-        await asyncio.to_thread(self._link.set_base, (left, right), *dimensions)
+        await self._call(self._link.set_base, (left, right), *dimensions)
         base = await self.base()
 
         async def has_heading() -> bool:
@@ -353,7 +380,7 @@ class Hub:
 
         Raises ``HubError`` if the hub has no base.
         """
-        fields = await asyncio.to_thread(self._link.base)
+        fields = await self._call(self._link.base)
         if fields is None:
             raise HubError("the hub has no drive base; configure one by hub.set_base")
         return Base(self, **fields)
@@ -388,20 +415,14 @@ class Hub:
 
     async def _check(self, *motors: int) -> None:
         """Raises an error for a motor that is not enabled: the hub would accept its command, and nothing would turn."""
+        disabled = await self._call(self._link.disabled, motors)
         for motor in motors:
-            if self[motor].number not in self._enabled:
+            if motor not in self._enabled:
                 raise HubError(f"motor {motor} is not enabled; enable it by: with hub.enabled({motor}):")
             if motor in self._stopped:
                 raise HubError(f"motor {motor} is off: stop was called; leave the block, and enable the motor again")
-        await asyncio.to_thread(self._raise_disabled, *motors)
-
-    def _raise_disabled(self, *motors: int) -> None:
-        """Raises an error for a motor that the hub has disabled."""
-        for motor in self._link.disabled(motors):
-            raise HubError(
-                f"motor {motor} is off: the hub has disabled it, because it got no packet for 2.5 s, was reset, or was "
-                "stopped by another program; leave the block, and enable the motor again"
-            )
+            if motor in disabled:
+                raise _is_disabled(motor)
 
     @staticmethod
     def _raise_fault(readings: tuple[Reading, ...], *motors: int) -> None:
@@ -464,12 +485,12 @@ class Base:
 
     async def odometry(self) -> Odometry:
         """Where the base is, at the last control tick."""
-        return Odometry(**await asyncio.to_thread(self._hub._link.odometry))
+        return Odometry(**await self._hub._call(self._hub._link.odometry))
 
     async def _move(self, turns: bool, by: float, speed: float, acceleration: float, timeout: float | None) -> None:
         hub = self._hub
         await hub._check(*self.wheels)
-        self._end = await asyncio.to_thread(hub._link.drive, self._end, turns, by, speed, acceleration)
+        self._end = await hub._call(hub._link.drive, self._end, turns, by, speed, acceleration)
         what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
         await hub._group_settled(self.wheels, timeout, what)
 
@@ -484,9 +505,9 @@ class Motor:
     def __repr__(self) -> str:
         return f"<motor {self.number} of hub {self._hub.address}>"
 
-    async def _command(self, call: Any, *arguments: Any) -> None:
+    async def _command(self, call: Callable[..., Any], *arguments: Any) -> None:
         await self._hub._check(self.number)
-        await asyncio.to_thread(call, self.number, *arguments)
+        await self._hub._call(call, self.number, *arguments)
 
     async def power(self, share: float) -> None:
         """Applies a constant share of full power, -1 to 1."""
@@ -540,7 +561,7 @@ class Motor:
         Raises ``HubError`` while the motor holds or goes to a position, or moves in step with others: the hub keeps the number
         of its target, so the motor would run to another place.
         """
-        if not await asyncio.to_thread(self._hub._link.reset_encoder, self.number):
+        if not await self._hub._call(self._hub._link.reset_encoder, self.number):
             raise HubError(
                 f"motor {self.number} has a target position, which would move with the zero of its encoder; end the motion "
                 "first, by power(0) or velocity(0), or reset the encoder after the block"
@@ -563,13 +584,13 @@ class Motor:
             return (await self.read()).position == before.position
 
         await _until(stands, _REST_S, f"motor {self.number} does not stand: its load turns it")
-        await asyncio.to_thread(link.identify, self.number, travel)
-        while not isinstance(found := await asyncio.to_thread(link.identification, self.number), dict):
+        await self._hub._call(link.identify, self.number, travel)
+        while not isinstance(found := await self._hub._call(link.identification, self.number), dict):
             if found is None:
                 raise HubError(f"motor {self.number} was not identified: the hub was reset")
             await asyncio.sleep(_POLL_S)
         if apply:
-            await asyncio.to_thread(link.apply_identification, self.number)
+            await self._hub._call(link.apply_identification, self.number)
         return Identified(**found)
 
 
@@ -584,6 +605,13 @@ class Recording:
         """The readings as columns: field name to list of values."""
         names = [field.name for field in dataclasses.fields(Reading)]
         return {name: [getattr(reading, name) for reading in self.readings] for name in names}
+
+
+def _is_disabled(motor: int) -> HubError:
+    return HubError(
+        f"motor {motor} is off: the hub has disabled it, because it got no packet for 2.5 s, was reset, or was "
+        "stopped by another program; leave the block, and enable the motor again"
+    )
 
 
 async def _until(condition: Any, timeout: float | None, failure: str) -> None:

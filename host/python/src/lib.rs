@@ -114,7 +114,10 @@ fn speed_limit<T: TryFrom<i64>>(cps: Whole) -> PyResult<T> {
 /// A session with one hub.
 #[pyclass(frozen, module = "motor_hub")]
 struct Link {
-    session: Mutex<Session>,
+    /// `None` once [`close`](Self::close) was called.
+    session: Mutex<Option<Session>>,
+    #[pyo3(get)]
+    address: u8,
     /// Motors that a former host had left enabled. [`open`](Self::open) has disabled these motors.
     #[pyo3(get)]
     left_running: Vec<u8>,
@@ -127,7 +130,12 @@ impl Link {
         py: Python<'_>,
         request: impl FnOnce(&mut Session) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
-        Ok(py.detach(|| request(&mut self.lock())).map_err(Failure)?)
+        let closed = "the hub is closed; open it again by motor_hub.connect";
+        py.detach(|| {
+            let mut session = self.lock();
+            let session = session.as_mut().ok_or_else(|| HubError::new_err(closed))?;
+            Ok(request(session).map_err(Failure)?)
+        })
     }
 
     /// Gives a motor a set-point. At power 0 and at velocity 0 the motor brakes.
@@ -137,7 +145,7 @@ impl Link {
 
     /// Locks the session. The session stays usable after a panic of another thread, because each request begins with a
     /// new packet.
-    fn lock(&self) -> MutexGuard<'_, Session> {
+    fn lock(&self) -> MutexGuard<'_, Option<Session>> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -152,13 +160,16 @@ impl Link {
                 .map_err(|error| Unreachable::new_err(format!("cannot open {place}: {error}")))?;
             let left_running = session.disable_left_enabled().map_err(Failure)?;
             session.end_left_outputs().map_err(Failure)?;
-            Ok(Self { session: Mutex::new(session), left_running })
+            let address = session.address();
+            Ok(Self { session: Mutex::new(Some(session)), address, left_running })
         })
     }
 
-    #[getter]
-    fn address(&self) -> u8 {
-        self.lock().address()
+    /// Disables motors, and closes the line. Later requests raise `HubError`. Closing again has no effect.
+    fn close(&self, py: Python<'_>, motors: Vec<Whole>) -> PyResult<()> {
+        let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
+        let disable = |mut session: Session| session.disable_all(&motors);
+        Ok(py.detach(|| self.lock().take().map_or(Ok(()), disable)).map_err(Failure)?)
     }
 
     fn version(&self, py: Python<'_>) -> PyResult<String> {
@@ -191,10 +202,12 @@ impl Link {
     }
 
     /// Disables motors. After an error all motors are tried again for 2.5 s, the time-out of the hub's keep-alive. An
-    /// error of one motor does not prevent the attempt to disable the others.
+    /// error of one motor does not prevent the attempt to disable the others. After [`close`](Self::close), which has
+    /// disabled the motors, this function has no effect.
     fn disable(&self, py: Python<'_>, motors: Vec<Whole>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
-        self.run(py, |session| session.disable_all(&motors))
+        let disable = |session: &mut Session| session.disable_all(&motors);
+        Ok(py.detach(|| self.lock().as_mut().map_or(Ok(()), disable)).map_err(Failure)?)
     }
 
     /// Returns those of these motors that the hub has disabled.

@@ -12,6 +12,7 @@ import textwrap
 import time
 import unittest
 import unittest.mock
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import motor_hub
@@ -202,6 +203,59 @@ class Commands(WithHub):
             self.assertAlmostEqual((await second[0].read()).velocity, -600, delta=12)
 
 
+class ClosedHubs(WithHub):
+    async def test_a_closed_hub_is_free_and_its_calls_are_errors(self) -> None:
+        base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
+        self.hub.close()
+        self.hub.close()
+        closed = "the hub is closed; open it again by motor_hub.connect"
+        for call in (
+            self.hub.read(), self.hub.version(), self.hub.battery(), self.hub.stop(), self.hub.save(), self.hub.base(),
+            self.hub[0].read(), self.hub[0].power(0), self.hub[0].settled(), self.hub[0].identify(),
+            self.hub[0].reset_encoder(), self.hub.together({0: 1}), self.hub.together_at({0: 1}), base.drive(1),
+            base.odometry(),
+        ):
+            with self.assertRaisesRegex(HubError, closed):
+                await call
+        with self.assertRaisesRegex(HubError, closed):
+            with self.hub.enabled(0):
+                self.fail("the block must not run")
+        self.assertEqual(repr(self.hub[0]), "<motor 0 of hub 2>")
+        self.hub = connect(self.served.place)
+        self.assertEqual(self.hub.left_running, ())
+
+    async def test_a_hub_that_is_closed_in_a_block_disables_its_motors(self) -> None:
+        with self.assertRaisesRegex(HubError, "the hub is closed"):
+            with self.hub.enabled(0, 1):
+                await self.hub[0].velocity(500)
+                self.hub.close()
+                with self.assertRaisesRegex(HubError, "the hub is closed"):
+                    await self.hub[0].velocity(500)
+        self.hub = connect(self.served.place)
+        self.assertEqual(self.hub.left_running, ())
+
+    async def test_a_with_block_closes_its_hub(self) -> None:
+        self.hub.close()
+        for _ in range(2):
+            with connect(self.served.place) as hub:
+                with hub.enabled(0):
+                    await hub[0].velocity(500)
+
+    def test_a_hub_is_closed_with_its_last_reference(self) -> None:
+        self.hub.close()
+
+        async def drive() -> None:
+            hub = connect(self.served.place)
+            motor = hub[0]
+            with hub.enabled(0):
+                await motor.velocity(500)
+
+        gc.disable()
+        self.addCleanup(gc.enable)
+        asyncio.run(drive())
+        asyncio.run(drive())
+
+
 class Recordings(WithHub):
     async def test_a_recording_has_equal_columns_and_its_time_grows(self) -> None:
         with self.hub.enabled(0):
@@ -352,6 +406,14 @@ class WhatStopsMotors(WithHub):
                 self.assertFalse((await self.hub[0].read()).enabled)
                 with self.assertRaisesRegex(HubError, "motor 0 is off: the hub has disabled it"):
                     await self.hub[0].velocity(800)
+
+    async def test_work_in_all_threads_of_the_event_loop_does_not_stop_motors(self) -> None:
+        pool = ThreadPoolExecutor(1)
+        asyncio.get_running_loop().set_default_executor(pool)
+        with self.hub.enabled(0):
+            await self.hub[0].velocity(800)
+            await asyncio.to_thread(time.sleep, 3.5)
+            self.assertAlmostEqual((await self.hub[0].read()).velocity, 800, delta=16)
 
     async def test_motors_run_on_after_a_hub_did_not_answer_in_time(self) -> None:
         with self.hub.enabled(0):
