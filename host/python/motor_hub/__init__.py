@@ -59,6 +59,8 @@ _POLL_S = 0.05
 _KEPT_S = 0.2
 # Longest time in seconds for a braked motor to stand before an identification.
 _REST_S = 5.0
+# Longest time-out, and longest interval of a recording, in seconds: some 11 days.
+_LONGEST_S = 1_000_000
 # Longest time in seconds to the first reading of a gyro: a BNO055 answers 0.65 s after its supply is on.
 _GYRO_S = 3.0
 
@@ -327,6 +329,7 @@ class Hub:
 
         Raises ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
         """
+        _check_timeout(timeout)
         await self._check(*targets)
         arguments = (dict(targets), False, speed, acceleration, tolerance)
         await self._call(self._link.together, *arguments)
@@ -391,8 +394,8 @@ class Hub:
 
         An error of the recording is raised at the end of the block.
         """
-        if every <= 0:
-            raise ValueError(f"every is {every}; allowed is more than 0 s")
+        if not 0 < every <= _LONGEST_S:
+            raise ValueError(f"every is {every}; allowed is more than 0 s, up to {_LONGEST_S} s")
         recording = Recording()
         chosen = {self[motor].number for motor in motors or range(CHANNELS)}
 
@@ -488,6 +491,7 @@ class Base:
         return Odometry(**await self._hub._call(self._hub._link.odometry))
 
     async def _move(self, turns: bool, by: float, speed: float, acceleration: float, timeout: float | None) -> None:
+        _check_timeout(timeout)
         hub = self._hub
         await hub._check(*self.wheels)
         self._end = await hub._call(hub._link.drive, self._end, turns, by, speed, acceleration)
@@ -530,8 +534,10 @@ class Motor:
 
         A velocity is kept within 2 % of the set-point, and always within 5 counts/s.
 
-        Raises ``HubError`` if a fault stops the motor, and ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        Raises ``HubError`` if a fault stops the motor, and at a constant power or current, which never settles. Raises
+        ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
         """
+        _check_timeout(timeout)
         kept = 0
 
         async def settled() -> bool:
@@ -540,6 +546,10 @@ class Motor:
             if reading.settled is None:
                 raise HubError("the hub does not report whether motors have settled: it is another maker's, or too old")
             self._hub._raise_fault((reading,), self.number)
+            if reading.setpoint in ("power", "current", "identify"):
+                raise HubError(
+                    f"motor {self.number} never settles at its set-point, {reading.setpoint}; give it a velocity or a position"
+                )
             if reading.setpoint != "velocity" or reading.setpoint_value is None:
                 return reading.settled
             error = abs(reading.velocity - reading.setpoint_value)
@@ -612,6 +622,11 @@ def _is_disabled(motor: int) -> HubError:
         f"motor {motor} is off: the hub has disabled it, because it got no packet for 2.5 s, was reset, or was "
         "stopped by another program; leave the block, and enable the motor again"
     )
+
+
+def _check_timeout(timeout: float | None) -> None:
+    if timeout is not None and not 0 <= timeout <= _LONGEST_S:
+        raise ValueError(f"timeout is {timeout}; allowed are 0 to {_LONGEST_S} s, or None for no limit")
 
 
 async def _until(condition: Any, timeout: float | None, failure: str) -> None:

@@ -274,6 +274,12 @@ class Recordings(WithHub):
             async with self.hub.recording(every=0):
                 pass
 
+    async def test_an_interval_that_is_no_number_or_infinite_is_an_error(self) -> None:
+        for every in (float("nan"), float("inf"), 10**400):
+            with self.assertRaisesRegex(ValueError, f"every is {every}; allowed is more than 0 s, up to 1000000 s"):
+                async with self.hub.recording(every=every):
+                    self.fail("the block must not run")
+
 
 class BadInput(WithHub):
     async def test_numbers_out_of_range_are_errors_that_name_the_range(self) -> None:
@@ -311,6 +317,27 @@ class BadInput(WithHub):
         with self.assertRaisesRegex(ValueError, f"motor is {more}; allowed are 0 to 3"):
             with self.hub.enabled(2**64):
                 self.fail("the block must not run")
+
+    async def test_a_timeout_out_of_range_is_an_error_and_nothing_moves(self) -> None:
+        base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
+        with self.hub.enabled(0, 1):
+            await self.hub[0].velocity(0)
+            for timeout in (float("nan"), float("inf"), -1, 10**400):
+                for call in (
+                    self.hub[0].settled(timeout),
+                    self.hub.together({0: 1000}, timeout=timeout),
+                    base.drive(100, timeout=timeout),
+                ):
+                    with self.assertRaisesRegex(ValueError, f"timeout is {timeout}; allowed are 0 to 1000000 s"):
+                        await asyncio.wait_for(call, 3)
+            self.assertEqual((await self.hub[0].read()).setpoint, "velocity")
+
+    async def test_a_set_point_that_never_settles_is_an_error(self) -> None:
+        with self.hub.enabled(0):
+            for setpoint, command in (("power", self.hub[0].power(0.2)), ("current", self.hub[0].current(0.1, speed=100))):
+                await command
+                with self.assertRaisesRegex(HubError, f"motor 0 never settles at its set-point, {setpoint}; .* velocity or a position"):
+                    await asyncio.wait_for(self.hub[0].settled(), 3)
 
     async def test_a_motor_that_is_not_there_is_an_error(self) -> None:
         with self.assertRaisesRegex(IndexError, "motor is 4; allowed are 0 to 3"):
