@@ -24,9 +24,10 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import math
 import os
 import tempfile
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
@@ -216,6 +217,8 @@ class Hub:
         self._enabled: set[int] = set()
         # Motors whose blocks have not ended yet since ``stop`` was called.
         self._stopped: set[int] = set()
+        # The motion that each motor was last commanded. Each command is a motion of its own.
+        self._motions: dict[int, object] = {}
 
     def __enter__(self) -> Hub:
         return self
@@ -327,29 +330,69 @@ class Hub:
         The hub corrects the positions of exactly both wheels of a base with a gyro by the slip of the wheels. A position that
         ``read`` returns is then another place, so move such a base by ``Base.drive`` and ``Base.turn``.
 
-        Raises ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        Raises ``HubError`` if a fault stops a motor, or if one of the motors gets another command. Raises ``TimeoutError``
+        after ``timeout`` seconds; ``None`` is no limit. After a time-out, and after a cancellation, the motors stop.
+        """
+        arguments = (self._link.together, dict(targets), False, speed, acceleration, tolerance)
+        await self._move(tuple(targets), acceleration, timeout, f"motors {sorted(targets)} have not settled", *arguments)
+
+    async def _move(
+        self,
+        members: tuple[int, ...],
+        acceleration: float,
+        timeout: float | None,
+        failure: str,
+        call: Callable[..., _T],
+        *arguments: Any,
+    ) -> _T:
+        """Starts a motion of a group by a call, and returns the result of the call once all members have settled.
+
+        ``acceleration`` in counts/s² is that of the stop after a time-out or a cancellation.
         """
         _check_timeout(timeout)
-        await self._check(*targets)
-        arguments = (dict(targets), False, speed, acceleration, tolerance)
-        await self._call(self._link.together, *arguments)
-        await self._group_settled(tuple(targets), timeout, f"motors {sorted(targets)} have not settled")
-
-    async def _group_settled(self, members: tuple[int, ...], timeout: float | None, failure: str) -> None:
-        """Waits until all members of a group have settled."""
+        await self._check(*members)
+        motion = object()
 
         async def settled() -> bool:
-            self._raise_fault(await self.read(), *members)
-            return await self._call(self._link.group_settled, members[0])
+            readings = await self.read()
+            has_settled = await self._call(self._link.group_settled, members[0])
+            if others := self._others(members, motion):
+                raise HubError(f"the motion of {_named(members)} was ended by another command to {_named(others)}")
+            self._raise_fault(readings, *members)
+            return has_settled
 
-        await _until(settled, timeout, failure)
+        def stop() -> None:
+            if not self._others(members, motion):
+                self._link.together(dict.fromkeys(members, 0), True, 1, max(1, round(acceleration)), None)
+
+        try:
+            result: _T = await self._call(self._start, members, motion, call, *arguments)
+            await _until(settled, timeout, failure)
+        except (TimeoutError, asyncio.CancelledError):
+            # The thread may still be about to start the motion. The stop follows in the same thread.
+            self._thread.submit(stop)
+            raise
+        return result
+
+    def _start(self, members: tuple[int, ...], motion: object, call: Callable[..., _T], *arguments: Any) -> _T:
+        """Makes a call that starts a motion. Runs in the hub's thread."""
+        result = call(*arguments)
+        self._motions.update(dict.fromkeys(members, motion))
+        return result
+
+    def _others(self, members: tuple[int, ...], motion: object) -> list[int]:
+        """Returns the members that have got another command since this motion."""
+        return [member for member in members if self._motions.get(member) is not motion]
 
     async def together_at(self, speeds: Mapping[int, int], *, acceleration: int = 2000) -> None:
         """Turns motors in step at speeds in counts/s, until another command follows."""
-        await self._check(*speeds)
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
-        await self._call(self._link.together, *arguments)
+        await self._command(tuple(speeds), self._link.together, *arguments)
+
+    async def _command(self, motors: tuple[int, ...], call: Callable[..., Any], *arguments: Any) -> None:
+        await self._check(*motors)
+        await self._call(self._start, motors, object(), call, *arguments)
 
     async def set_base(
         self,
@@ -471,7 +514,9 @@ class Base:
 
         ``speed`` and ``acceleration`` are those of the wheels, in mm/s and mm/s².
 
-        Raises ``HubError`` if a fault stops a wheel, and ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        Raises ``HubError`` if a fault stops a wheel, or if a wheel gets another command. Raises ``TimeoutError`` after
+        ``timeout`` seconds; ``None`` is no limit. After a time-out, and after a cancellation, the base stops with its
+        acceleration.
         """
         await self._move(False, distance, speed, acceleration, timeout)
 
@@ -491,12 +536,12 @@ class Base:
         return Odometry(**await self._hub._call(self._hub._link.odometry))
 
     async def _move(self, turns: bool, by: float, speed: float, acceleration: float, timeout: float | None) -> None:
-        _check_timeout(timeout)
         hub = self._hub
-        await hub._check(*self.wheels)
-        self._end = await hub._call(hub._link.drive, self._end, turns, by, speed, acceleration)
         what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
-        await hub._group_settled(self.wheels, timeout, what)
+        arguments = (hub._link.drive, self._end, turns, by, speed, acceleration)
+        # The acceleration of the wheel with more counts, in counts/s².
+        counts_per_mm = max(map(abs, self.counts_per_turn)) / (math.pi * self.wheel_diameter_mm)
+        self._end = await hub._move(self.wheels, acceleration * counts_per_mm, timeout, what, *arguments)
 
 
 class Motor:
@@ -510,8 +555,7 @@ class Motor:
         return f"<motor {self.number} of hub {self._hub.address}>"
 
     async def _command(self, call: Callable[..., Any], *arguments: Any) -> None:
-        await self._hub._check(self.number)
-        await self._hub._call(call, self.number, *arguments)
+        await self._hub._command((self.number,), call, self.number, *arguments)
 
     async def power(self, share: float) -> None:
         """Applies a constant share of full power, -1 to 1."""
@@ -622,6 +666,11 @@ def _is_disabled(motor: int) -> HubError:
         f"motor {motor} is off: the hub has disabled it, because it got no packet for 2.5 s, was reset, or was "
         "stopped by another program; leave the block, and enable the motor again"
     )
+
+
+def _named(motors: Iterable[int]) -> str:
+    numbers = [str(motor) for motor in sorted(motors)]
+    return f"motor{'s' * (len(numbers) > 1)} {', '.join(numbers)}"
 
 
 def _check_timeout(timeout: float | None) -> None:

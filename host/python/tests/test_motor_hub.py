@@ -203,6 +203,74 @@ class Commands(WithHub):
             self.assertAlmostEqual((await second[0].read()).velocity, -600, delta=12)
 
 
+class MotionsInStep(WithHub):
+    """How motions of several motors end before all of them have settled."""
+
+    async def base(self) -> motor_hub.Base:
+        dimensions = {"wheel_diameter_mm": 90, "track_mm": 300, "counts_per_turn": (1680, 1680)}
+        return await self.hub.set_base(0, 1, **dimensions)
+
+    async def test_a_motion_whose_member_gets_another_command_is_an_error(self) -> None:
+        base = await self.base()
+        with self.hub.enabled(0, 1, 2):
+            for motion in (base.drive(1000), base.turn(180), self.hub.together({0: 9000, 1: 9000})):
+                waiting = asyncio.create_task(motion)
+                await asyncio.sleep(0.3)
+                await self.hub[2].velocity(100)
+                self.assertFalse(waiting.done())
+                await self.hub[1].power(0)
+                with self.assertRaisesRegex(HubError, "motors 0, 1 was ended by another command to motor 1"):
+                    await asyncio.wait_for(waiting, 3)
+
+    async def test_a_motion_that_is_replaced_is_an_error_and_the_newer_one_succeeds(self) -> None:
+        base = await self.base()
+        with self.hub.enabled(0, 1):
+            first = asyncio.create_task(base.drive(1000))
+            await asyncio.sleep(0.3)
+            await base.turn(5, timeout=10)
+            with self.assertRaisesRegex(HubError, "motors 0, 1 was ended by another command to motors 0, 1"):
+                await asyncio.wait_for(first, 3)
+            first = asyncio.create_task(self.hub.together({0: 9000, 1: 9000}))
+            await asyncio.sleep(0.3)
+            with self.assertRaisesRegex(ValueError, "speed is 0"):
+                await self.hub.together({0: 0}, speed=0)
+            await asyncio.sleep(0.3)
+            self.assertFalse(first.done(), "a command that is refused replaces nothing")
+            await self.hub.together_at({0: 100})
+            with self.assertRaisesRegex(HubError, "ended by another command to motor 0"):
+                await asyncio.wait_for(first, 3)
+
+    async def test_a_motion_that_nobody_awaits_any_more_stops(self) -> None:
+        base = await self.base()
+
+        async def times_out(move) -> None:
+            with self.assertRaises(TimeoutError):
+                await move(timeout=0.5)
+
+        async def is_cancelled(move) -> None:
+            with self.assertRaises(asyncio.TimeoutError):
+                await asyncio.wait_for(move(), 0.5)
+
+        with self.hub.enabled(0, 1):
+            for end in (times_out, is_cancelled):
+                for move in (
+                    lambda **options: base.drive(2000, **options),
+                    lambda **options: self.hub.together({0: 20_000, 1: 20_000}, **options),
+                ):
+                    await end(move)
+                    await asyncio.sleep(1.2)
+                    readings = await self.hub.read()
+                    self.assertTrue(readings[0].enabled)
+                    self.assertEqual([readings[0].velocity, readings[1].velocity], [0, 0])
+            # A motion that was replaced before its time-out leaves the newer command in force.
+            waiting = asyncio.create_task(base.drive(2000))
+            await asyncio.sleep(0.3)
+            await self.hub.together_at({0: 400, 1: 400})
+            waiting.cancel()
+            await asyncio.sleep(1)
+            self.assertAlmostEqual((await self.hub[0].read()).velocity, 400, delta=40)
+
+
 class ClosedHubs(WithHub):
     async def test_a_closed_hub_is_free_and_its_calls_are_errors(self) -> None:
         base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
