@@ -50,6 +50,22 @@ fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
 }
 
 #[test]
+fn a_step_ends_with_its_own_motor_off_when_another_hub_is_chosen() {
+    with_page_of(&["--hubs", "2"], |_, tab| {
+        tab.click("#tab-tune");
+        tab.fill(FROM, "300");
+        tab.click("#panel-tune button.primary");
+        tab.wait(&format!("{} > 100", motor(0, "velocity")));
+        tab.click("#hubs button:nth-child(2)");
+        tab.wait("dashboard.state.hubs[1].shown");
+        tab.wait(&format!("{SAYS}.startsWith('Another hub was chosen')"));
+        std::thread::sleep(Duration::from_secs(1));
+        assert_eq!(tab.ask("dashboard.state.hubs.map(({ running }) => running.length)"), json!([0, 0]));
+        assert_eq!(tab.ask(&motor(0, "velocity")), 0);
+    });
+}
+
+#[test]
 fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor() {
     with_page(|tab| {
         tab.click("#tab-tune");

@@ -121,6 +121,14 @@ export function tunePanel(link) {
     results.replaceChildren(...[["before", before], ["now", now]].filter(([, run]) => run).map(([name, run]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, `${number(run.reached, 2)} s`), h("td", { class: "n" }, `${number(100 * run.overshoot, 1)} %`), h("td", { class: "n" }, `${number(run.settled, 2)} s`), h("td", { class: "n" }, number(fromCps(run.error, settings), 1)))));
   }
 
+  // Another hub is chosen: the motor of the step is switched off before that hub is shown.
+  on("leave", () => { if (running) end("Another hub was chosen: the motor is off, and this step is discarded."); });
+  // The server sends a message about the line only when the hub is lost, is found again, or is another one.
+  on("line", () => {
+    if (!running) return;
+    running = null;
+    setText(says, "The hub was lost, or another one is shown: this step is discarded.");
+  });
   // An answer does not name its order. While a step runs, a refusal is taken for one of the step.
   on("refused", ({ why }) => {
     if (!running) return;
