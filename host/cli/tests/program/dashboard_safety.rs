@@ -323,6 +323,52 @@ fn a_speed_above_the_free_speed_is_limited_with_a_message() {
 }
 
 #[test]
+fn an_empty_field_and_a_text_that_is_no_number_change_nothing_and_are_named() {
+    with_page(|tab| {
+        let type_text = |tab: &mut Tab<'_>, field: &str, text: &str| {
+            tab.ask(&format!(
+                "(() => {{ const e = document.querySelector('{field}'); e.focus(); e.select(); document.execCommand('delete'); }})()"
+            ));
+            tab.call("Input.insertText", json!({ "text": text }));
+            tab.ask("document.activeElement.blur()");
+        };
+        let refused = |tab: &mut Tab<'_>, field: &str| {
+            tab.wait(&format!(
+                "document.querySelector('#notice').textContent === 'Not done: {field}: enter a number.'"
+            ));
+            tab.ask("document.querySelector('#notice').textContent = ''");
+        };
+        let field = card(0, "input[type=number]");
+        tab.fill(&card(0, "[aria-label^=Mode]"), "position");
+        drive_until(tab, 0, "300", &format!("Math.abs({} - 300) < 20", motor(0, "position")));
+        for text in ["", "1e", "-"] {
+            type_text(tab, &field, text);
+            refused(tab, "Set-point of motor 0, counts");
+            assert_eq!((target(tab), number(tab, &field)), (300.0, 300.0), "{text}");
+        }
+        tab.ask("dashboard.link.order('acceleration', { motor: 0, limit: 2000 })");
+        tab.wait("dashboard.state.settings[0].undoable === 1");
+        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
+        for (panel, field, button, name) in [
+            ("tune", "[aria-label=\"P of the velocity loop\"]", "Set", "P of the velocity loop"),
+            ("setup", "[id=\"field-acceleration_limit_cps2\"]", "Apply changes", "acceleration_limit_cps2"),
+            ("group", "#group-speed", "Move together", "Speed, counts/s"),
+            ("group", "#motion-speed", "", "Speed to a position, counts/s"),
+        ] {
+            tab.click(&format!("#tab-{panel}"));
+            type_text(tab, field, "1e");
+            if !button.is_empty() {
+                press(tab, button);
+            }
+            refused(tab, name);
+        }
+        assert_eq!(number(tab, "#motion-speed"), 1000.0);
+        std::thread::sleep(ANSWERED);
+        assert_eq!(tab.ask("dashboard.state.settings[0].undoable"), 1);
+    });
+}
+
+#[test]
 fn the_wheel_over_a_field_changes_nothing() {
     with_page(|tab| {
         drive(tab, 0, 300);

@@ -1,7 +1,7 @@
 // The page: passes messages of the server to their listeners, and actions of the user to the server.
 
 import { startChain } from "./chain.js";
-import { elementById, setText } from "./dom.js";
+import { elementById, FieldError, setText } from "./dom.js";
 import { startGamepad } from "./gamepad.js";
 import { learned } from "./learn.js";
 import { Link } from "./link.js";
@@ -153,6 +153,18 @@ addEventListener("keydown", (event) => {
     choose(Number(event.key));
   }
 }, true);
+
+// An action throws a `FieldError` before it sends anything.
+addEventListener("error", (event) => {
+  if (!(event.error instanceof FieldError)) return;
+  event.preventDefault();
+  notice(`Not done: ${event.error.message}`);
+});
+
+// A text that is no number is no change for the browser if the field was empty before.
+addEventListener("focusout", ({ target }) => {
+  if (/** @type {any} */ (target).validity?.badInput) target?.dispatchEvent(new Event("change"));
+});
 
 // By default the mouse wheel changes a number field that has the focus. On this page the wheel always scrolls the page.
 addEventListener("wheel", (event) => {

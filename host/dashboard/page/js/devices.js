@@ -1,7 +1,7 @@
 // Panel for what a hub has besides motors: servos, analog inputs, digital pins and I2C buses. A part is shown only if the hub has
 // its devices. The hub ends pulses and releases outputs at STOP, and when the page in control is gone.
 
-import { elementById, h, part, setText } from "./dom.js";
+import { elementById, h, numberIn, part, setText } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
 import { mayOrder, on, state } from "./state.js";
@@ -59,7 +59,7 @@ function servos(/** @type {any} */ link) {
   const period = h("input", { type: "number", id: "servo-period", min: 2, max: 65535, step: 1, value: 20000 });
   const all = count(SERVOS).map((servo) => {
     const one = { width: 1500, on: false, row: [], slider: /** @type {any} */ (null), run: /** @type {any} */ (null) };
-    const send = (/** @type {boolean|null} */ on) => link.order("device", { servo: { servo, period_us: Math.round(Number(period.value)), width_us: one.width, on } });
+    const send = (/** @type {boolean|null} */ on) => link.order("device", { servo: { servo, period_us: numberIn(period), width_us: one.width, on } });
     one.slider = labelled({ label: `Pulse of servo ${servo}, µs`, min: 500, max: 2500, step: 10, words: (value) => `${number(value)} µs`, send: (value) => {
       one.width = value;
       // A change of the width starts no pulses.
@@ -67,8 +67,8 @@ function servos(/** @type {any} */ link) {
     } });
     one.slider.set(one.width, one.width);
     one.run = h("button", { type: "button", role: "switch", "aria-checked": "false", "aria-label": `Pulses of servo ${servo}`, onclick: () => {
+      send(!one.on);
       one.on = !one.on;
-      send(one.on);
       link.order("look", "servos");
     } }, "Off");
     one.row = [h("span", {}, `Servo ${servo}`), h("div", { class: "servo" }, one.slider.element, one.run)];
@@ -164,7 +164,7 @@ function i2c(/** @type {any} */ link) {
   const button = (/** @type {string} */ words, /** @type {() => void} */ act) => h("button", { type: "button", onclick: act }, words);
   const buttons = [
     button("Scan", () => run("scan", {})),
-    button("Read", () => run("read", { ...target(), register: register.value.trim() === "" ? null : byte(register.value.trim()), count: Math.round(Number(length.value)) })),
+    button("Read", () => run("read", { ...target(), register: register.value.trim() === "" ? null : byte(register.value.trim()), count: Math.round(numberIn(length)) })),
     button("Write", () => run("write", { ...target(), bytes: bytes.value.split(/[\s,]+/).filter(Boolean).map(byte) })),
   ];
   on("transfer", (of) => {

@@ -20,6 +20,25 @@ export function h(tag, attributes = {}, ...children) {
 /** @param {string} id @returns {any} */
 export const elementById = (id) => document.getElementById(id);
 
+/** A field does not have the number that an action needs. The message names the field. */
+export class FieldError extends Error {}
+
+const enterNumber = (/** @type {any} */ field) => new FieldError(`${field.getAttribute("aria-label") ?? field.labels[0].textContent}: enter a number`);
+
+/** The number in a field, or null if the field is empty. Throws a {@link FieldError} if the text is no number. */
+export function numberOrNull(/** @type {any} */ field) {
+  // The browser reports such a text as an empty value.
+  if (field.validity.badInput) throw enterNumber(field);
+  return field.value === "" ? null : Number(field.value);
+}
+
+/** The number in a field. Throws a {@link FieldError} if the field is empty, or if the text is no number. */
+export function numberIn(/** @type {any} */ field) {
+  const number = numberOrNull(field);
+  if (number === null) throw enterNumber(field);
+  return number;
+}
+
 /**
  * A part of a panel that can be closed. Of parts with the same name one is open at a time, so that the panel fits beside the plots.
  * @param {string} name @param {string} words @param {boolean} open @param {...(Node|string)} children @returns {any} an element

@@ -1,6 +1,6 @@
 // A form of all settings of the chosen motor, under their names in a settings file.
 
-import { h } from "./dom.js";
+import { h, numberOrNull } from "./dom.js";
 import { select } from "./list.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 
@@ -11,8 +11,9 @@ const shown = (/** @type {any} */ value) => (value === null ? "" : typeof value 
 export function settingsForm(link) {
   const rows = h("div", { class: "pair" });
   const apply = h("button", { type: "button", class: "primary", onclick: () => {
-    const changed = inputs.filter(({ input, of }) => input.value !== shown(of.value));
-    const values = Object.fromEntries(changed.map(({ input, of }) => [of.name, of.words.length ? input.value : input.value === "" ? null : Number(input.value)]));
+    const given = inputs.map(({ input, of }) => ({ of, text: input.value, value: of.words.length ? input.value : numberOrNull(input) }));
+    const changed = given.filter(({ of, text }) => text !== shown(of.value));
+    const values = Object.fromEntries(changed.map(({ of, value }) => [of.name, value]));
     link.order("configure", { motor: state.chosen, values });
   } }, "Apply changes");
   const again = h("button", { type: "button", onclick: () => fill() }, "Discard changes");

@@ -1,7 +1,7 @@
 // Panel for motors that are driven by a held button, or that move in step to positions or at speeds. The panel also
 // sets the speed limits, the tolerance and the behaviour at zero for the set-points of the cards.
 
-import { h, part } from "./dom.js";
+import { h, numberIn, numberOrNull, part } from "./dom.js";
 import { jogForm } from "./jog.js";
 import { select } from "./list.js";
 import { motion } from "./motors.js";
@@ -13,13 +13,11 @@ export function groupPanel(link) {
   const speed = h("input", { type: "number", min: 1, value: 1000, step: 1, id: "group-speed" });
   const acceleration = h("input", { type: "number", min: 1, value: 2000, step: 1, id: "group-acceleration" });
   const go = h("button", { type: "button", class: "primary", onclick: () => {
-    const by = places.map((field) => (field.value === "" ? null : Math.round(Number(field.value))));
-    link.order("together", { by, speed: Math.round(Number(speed.value)), acceleration: Math.round(Number(acceleration.value)) });
+    link.order("together", { by: places.map(numberOrNull), speed: numberIn(speed), acceleration: numberIn(acceleration) });
   } }, "Move together");
   const speeds = [0, 1, 2, 3].map((motor) => h("input", { type: "number", step: 1, placeholder: "stays", "aria-label": `Turn motor ${motor} at, counts/s` }));
   const turn = h("button", { type: "button", class: "primary", onclick: () => {
-    const at = speeds.map((field) => (field.value === "" ? null : Math.round(Number(field.value))));
-    link.order("turn", { at, acceleration: Math.round(Number(acceleration.value)) });
+    link.order("turn", { at: speeds.map(numberOrNull), acceleration: numberIn(acceleration) });
   } }, "Turn together");
   function allow() {
     for (const element of [...places, ...speeds, turn, speed, acceleration, go]) element.disabled = !(mayOrder() && state.reports);
@@ -40,8 +38,12 @@ function limits() {
   const zero = select([["brake", "brakes"], ["float", "coasts"]], { id: "motion-zero", onchange: () => { motion.zero = zero.value; } });
   const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most, /** @type {string} */ empty) => {
     const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: empty, value: motion[name], onchange: () => {
-      motion[name] = input.value === "" ? null : Math.max(1, Math.min(most, Math.round(Number(input.value))));
-      input.value = motion[name] ?? "";
+      try {
+        const given = numberOrNull(input);
+        motion[name] = given === null ? null : Math.max(1, Math.min(most, Math.round(given)));
+      } finally {
+        input.value = motion[name] ?? "";
+      }
     } });
     return [h("label", { for: input.id }, words), input];
   };

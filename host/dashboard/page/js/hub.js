@@ -1,6 +1,6 @@
 // Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page.
 
-import { elementById, h, part, setText } from "./dom.js";
+import { elementById, h, numberIn, part, setText } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
@@ -23,7 +23,7 @@ export function hubPanel(link) {
   const clear = h("button", { type: "button", onclick: () => { link.order("clear-faults"); link.order("faults"); } }, "Clear");
   const about = h("tbody", {});
   const address = h("input", { type: "number", id: "hub-address", min: 1, max: 254, step: 1 });
-  const setAddress = h("button", { type: "button", onclick: () => link.order("address", { new: Math.round(Number(address.value)) }) }, "Set");
+  const setAddress = h("button", { type: "button", onclick: () => link.order("address", { new: Math.round(numberIn(address)) }) }, "Set");
   const lamp = h("input", { type: "color", id: "hub-lamp", onchange: () => link.order("led", { colour: [1, 3, 5].map((at) => parseInt(lamp.value.slice(at, at + 2), 16)) }) });
   const fetchStored = h("button", { type: "button", id: "hub-load", onclick: () => link.order("load") }, "Load saved");
   const reset = h("button", { type: "button", id: "hub-reset", onclick: () => link.order("reset") }, "Reset to defaults");

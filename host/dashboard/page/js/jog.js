@@ -1,7 +1,7 @@
 // Buttons that drive motors while they are held. When a button is released, its motors are regulated to a stop. When the page is
 // hidden or loses the focus, they are switched off; the server does so when the page is gone.
 
-import { h, setText } from "./dom.js";
+import { h, numberIn, setText } from "./dom.js";
 import { select } from "./list.js";
 import { limited, scale } from "./motors.js";
 import { mayOrder, on, onControl, onLeave, state } from "./state.js";
@@ -14,8 +14,11 @@ export function jogForm(link) {
   const levels = /** @type {Record<string, number>} */ ({ velocity: 300, power: 0.25 });
   const of = () => scale(mode.value, state.settings[state.chosen]);
   const level = h("input", { type: "number", id: "jog-level", min: 0, step: "any", onchange: () => {
-    levels[mode.value] = Math.abs(of().meant(limited(of(), Number(level.value) || 0).value));
-    show();
+    try {
+      levels[mode.value] = Math.abs(of().meant(limited(of(), numberIn(level)).value));
+    } finally {
+      show();
+    }
   } });
   const unit = h("span", { class: "muted" });
   /** @type {number[]} the motors that a held button drives */

@@ -1,7 +1,7 @@
 // Panel for identification: the hub moves the motor for some seconds and measures how it responds to a voltage. The speed
 // predicted by the result is plotted over the measured speed.
 
-import { h, setText } from "./dom.js";
+import { h, numberOrNull, setText } from "./dom.js";
 import { SmallPlot } from "./small.js";
 import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
@@ -56,9 +56,10 @@ export function learnPanel(link) {
   const last = [];
 
   function start() {
+    const most = numberOrNull(travel);
     [motor, seen] = [state.chosen, []];
     last[motor] = null;
-    link.order("identify", { motor, travel: travel.value ? Number(travel.value) : null });
+    link.order("identify", { motor, travel: most });
     progress.value = 0;
     setText(says, "Waiting until the motor stands …");
     show();

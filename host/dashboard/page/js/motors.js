@@ -2,7 +2,7 @@
 // every page shows what runs. A motor that was stopped starts again at zero, or at its present position, unless a value
 // was entered since. A value that was entered before *Set zero here*, or for another hub, no longer counts.
 
-import { elementById, h, setText } from "./dom.js";
+import { elementById, h, numberIn, setText } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
 import { choose, mayOrder, motorName, on, onControl, state } from "./state.js";
@@ -127,10 +127,11 @@ function build(/** @type {number} */ motor) {
     drive(card);
   });
   card.number.addEventListener("change", () => {
-    enter(card, Number(card.number.value) || 0);
-    const { digits, shown } = of(card);
-    card.number.value = String(Number(shown(card.target).toFixed(digits)));
-    showTarget(card);
+    try {
+      enter(card, numberIn(card.number));
+    } finally {
+      showTarget(card, true);
+    }
   });
   card.element = h("article", { class: "card", "aria-label": `Motor ${motor}` },
     h("header", {}, card.choose, h("span", { class: "speed" }, card.speed, " ", card.speedUnit), card.run),

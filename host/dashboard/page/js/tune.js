@@ -1,6 +1,6 @@
 // Panel for tuning: coefficients, regulator, and a step response, plotted over the step before.
 
-import { h, setText } from "./dom.js";
+import { h, numberIn, numberOrNull, setText } from "./dom.js";
 import { limited, scale } from "./motors.js";
 import { SmallPlot } from "./small.js";
 import { inControl, mayOrder, on, onControl, state } from "./state.js";
@@ -42,18 +42,21 @@ export function tunePanel(link) {
   const byModel = h("button", { type: "button", onclick: () => order("regulator", { kind: "model" }) }, "By the model");
   const byPid = h("button", { type: "button", onclick: () => order("regulator", { kind: "pid" }) }, "By PID");
   const limit = h("input", { type: "number", min: 1, step: 1, placeholder: "none", "aria-label": "Largest acceleration, counts/s²" });
-  const setLimit = h("button", { type: "button", onclick: () => order("acceleration", { limit: limit.value ? Number(limit.value) : null }) }, "Set");
-  const apply = ["velocity", "position"].map((of) => h("button", { type: "button", "aria-label": `Set the ${of} loop`, onclick: () => order("coefficients", { of, pidf: fields[of].map((/** @type {any} */ field) => Number(field.value) || 0) }) }, "Set"));
+  const setLimit = h("button", { type: "button", onclick: () => order("acceleration", { limit: numberOrNull(limit) }) }, "Set");
+  const apply = ["velocity", "position"].map((of) => h("button", { type: "button", "aria-label": `Set the ${of} loop`, onclick: () => order("coefficients", { of, pidf: fields[of].map(numberIn) }) }, "Set"));
   const rows = ["velocity", "position"].flatMap((of, index) => [h("span", {}, of), ...fields[of], apply[index]]);
 
   /** Speeds of the step in counts/s, and their fields. */
   const ends = [0, 800];
   const endFields = ["Step from", "Step to"].map((label, index) => h("input", { type: "number", "aria-label": label, onchange: () => {
-    const of = scale("velocity", state.settings[state.chosen]);
-    const { value, words } = limited(of, Number(endFields[index].value) || 0);
-    ends[index] = of.meant(value);
-    setText(says, words ?? "");
-    showEnds();
+    try {
+      const of = scale("velocity", state.settings[state.chosen]);
+      const { value, words } = limited(of, numberIn(endFields[index]));
+      ends[index] = of.meant(value);
+      setText(says, words ?? "");
+    } finally {
+      showEnds();
+    }
   } }));
   const [from, to] = endFields;
   const unit = h("span", { class: "muted" }, "counts/s");
