@@ -1,7 +1,7 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
 use crate::browser::page::{
-    card, drive, drive_until, live, motor, mouse, number, off, open, point, press, with_driver_and_viewer,
+    card, drive, drive_until, focus, live, motor, mouse, number, off, open, point, press, with_driver_and_viewer,
     with_page, with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
@@ -116,6 +116,21 @@ fn a_drag_of_the_thumb_sets_the_speed_and_a_cancelled_one_restores_it() {
         let at = on_slider(tab, None);
         swipe(tab, at, (-60.0, 0.0), "touchEnd");
         tab.wait(&format!("{} < {}", motor(0, "target"), dragged - 100.0));
+    });
+}
+
+#[test]
+fn a_slider_moves_a_position_beyond_its_range_by_no_more_than_its_thumb() {
+    with_page(|tab| {
+        tab.fill(&card(0, "[aria-label^=Mode]"), "position");
+        let [slider, field] = ["input[type=range]", "input[type=number]"].map(|part| card(0, part));
+        for position in [20_000, -20_000, 3_000] {
+            tab.fill(&field, &position.to_string());
+            assert_eq!(number(tab, &slider), f64::from(position));
+            focus(tab, &slider);
+            tab.press(("ArrowRight", 39));
+            assert_eq!(number(tab, &field), f64::from(position + 1));
+        }
     });
 }
 

@@ -79,8 +79,13 @@ function rest(/** @type {any} */ card) {
 
 /** Shows the set-point in slider and field. A field into which somebody types stays as it is, unless `typed` is true. */
 function showTarget(/** @type {any} */ card, typed = false) {
-  const { digits, shown } = of(card);
+  const { digits, limit, most, shown } = of(card);
   const value = Number(shown(card.target).toFixed(digits));
+  // A position beyond the slider's range becomes the middle of the range, so that a drag begins at the position.
+  if (!limit && Math.abs(value - card.middle) > most) {
+    card.middle = value;
+    Object.assign(card.slider.input, { min: value - most, max: value + most });
+  }
   card.slider.set(value);
   if (typed || document.activeElement !== card.number) card.number.value = String(value);
 }
@@ -88,6 +93,7 @@ function showTarget(/** @type {any} */ card, typed = false) {
 /** Adapts slider and field to mode, motor and unit. */
 function fit(/** @type {any} */ card) {
   const { most, step, unit } = of(card);
+  card.middle = 0;
   Object.assign(card.slider.input, { min: -most, max: most, step });
   card.number.step = step;
   card.slider.input.setAttribute("aria-label", `Slider for the set-point of motor ${card.motor}, ${unit}`);
@@ -98,7 +104,7 @@ function fit(/** @type {any} */ card) {
 
 function build(/** @type {number} */ motor) {
   /** @type {any} */
-  const card = { motor, target: 0, entered: false, sent: 0, orderedAt: -Infinity };
+  const card = { motor, target: 0, middle: 0, entered: false, sent: 0, orderedAt: -Infinity };
   card.name = h("small", {});
   card.title = h("span", {}, `Motor ${motor}`);
   card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, card.title, card.name);
