@@ -205,6 +205,10 @@ fn run_after_stop_needs_a_new_speed() {
         tab.click("#stop");
         off(tab, Instant::now());
         tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        // STOP also clears a speed that is entered while the motor is off.
+        tab.fill(&card(0, "input[type=number]"), "700");
+        tab.click("#stop");
+        tab.wait(&format!("document.querySelector('{}').value === '0'", card(0, "input[type=number]")));
         tab.click(&card(0, ".run"));
         tab.wait(&motor(0, "enabled"));
         assert_eq!(target(tab), 0.0);
