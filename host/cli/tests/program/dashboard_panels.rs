@@ -226,6 +226,8 @@ fn an_identification_whose_connection_is_lost_is_shown_as_stopped() {
         press(tab, "Identify");
         let says = "document.querySelector('#panel-learn [role=status]').textContent";
         tab.wait(&format!("{says}.startsWith('Moving')"));
+        // The motor had power 0 before, but the mode of its card stays.
+        assert_eq!(tab.ask("document.querySelector('#motors [aria-label^=Mode]').value"), "velocity");
         dashboard.end();
         tab.wait(&format!("{says}.startsWith('The connection was lost')"));
     });

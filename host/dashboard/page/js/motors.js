@@ -165,6 +165,11 @@ function follow(/** @type {any} */ card, /** @type {any} */ motor) {
   const mine = card.slider.held() || performance.now() - card.orderedAt < ORDER_MS;
   if (!motor.enabled || mine || motor.target === null || !card.mode.options.some(([mode]) => mode === motor.setpoint)) return;
   if (card.mode.value === motor.setpoint && card.target === motor.target) return;
+  // At power 0 a motor brakes, as before an identification. The card keeps its mode, in which the next value is meant.
+  if (motor.setpoint === "power" && motor.target === 0) {
+    rest(card);
+    return showTarget(card);
+  }
   card.mode.value = motor.setpoint;
   card.target = motor.target;
   fit(card);
