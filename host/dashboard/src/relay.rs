@@ -292,7 +292,8 @@ impl Relay {
         done.map_err(|error| error.to_string())
     }
 
-    /// Sends what an order has changed. Part of a refused order may have been executed too.
+    /// Sends what an order has changed. Part of a refused order may have been executed too. Settings that have not
+    /// changed are not sent, because pages would replace what their users have typed.
     fn send_changes(&mut self, order: &PageRequest) -> Result<(), Error> {
         match order {
             PageRequest::Import { .. } => self.send_all_settings(),
@@ -679,8 +680,9 @@ impl Relay {
         // Another maker's hub refuses to report settings.
         if let Ok(settings) = or_refusal(self.executor.settings(session, motor))? {
             let text = Message::Settings(settings).text();
-            self.send(&text);
-            self.settings.insert(motor, text);
+            if self.settings.insert(motor, text.clone()).as_ref() != Some(&text) {
+                self.send(&text);
+            }
         }
         Ok(())
     }

@@ -361,6 +361,13 @@ fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
         tab.wait(
             "document.querySelector('#notice').textContent.startsWith('Not done: emf_mv_s_per_count is 99')",
         );
+        // What was typed stays until it is in force or discarded.
+        tab.press(("1", 49));
+        tab.press(("0", 48));
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(number(tab, "[id=\"field-emf_mv_s_per_count\"]"), 99.0);
+        press(tab, "Discard changes");
+        assert!(number(tab, "[id=\"field-emf_mv_s_per_count\"]") < 99.0);
         press(tab, "Undo");
         tab.wait(&format!("{} === null && {} === 'coast'", value("current_limit_ma"), value("on_fault")));
     });

@@ -16,13 +16,22 @@ export function settingsForm(link) {
     const values = Object.fromEntries(changed.map(({ of, value }) => [of.name, value]));
     link.order("configure", { motor: state.chosen, values });
   } }, "Apply changes");
-  const again = h("button", { type: "button", onclick: () => fill() }, "Discard changes");
+  const again = h("button", { type: "button", onclick: () => discard() }, "Discard changes");
+  /** The motor whose settings the fields show. */
+  let motor = state.chosen;
   /** @type {{input: any, of: any}[]} */
   let inputs = [];
+  /** By motor the fields with an entry that is not in force. @type {{input: any, of: any}[][]} */
+  let typed = [];
 
+  /** Shows the settings in force. An entry stays until its setting changes. */
   function fill() {
-    const fields = state.settings[state.chosen]?.fields ?? [];
+    typed[motor] = inputs.filter(({ input, of }) => input.validity?.badInput || input.value !== shown(of.value));
+    motor = state.chosen;
+    const fields = state.settings[motor]?.fields ?? [];
     inputs = fields.map((/** @type {any} */ of) => {
+      const kept = typed[motor]?.find((before) => before.of.name === of.name && before.of.value === of.value);
+      if (kept) return { input: kept.input, of };
       const [least, most] = of.range;
       const attributes = { id: `field-${of.name}`, "aria-label": of.name };
       const input = of.words.length
@@ -34,11 +43,17 @@ export function settingsForm(link) {
     rows.replaceChildren(...inputs.flatMap(({ input, of }) => [h("label", { for: input.id }, of.name), input]));
     allow();
   }
+  function discard() {
+    [inputs, typed[motor]] = [[], []];
+    fill();
+  }
   function allow() {
     for (const element of [apply, again, ...inputs.map(({ input }) => input)]) element.disabled = !mayOrder();
   }
   on("settings", ({ motor }) => { if (motor === state.chosen) fill(); });
   on("chosen", fill);
+  // The server sends this message before the settings of another hub.
+  on("line", () => { [inputs, typed] = [[], []]; });
   onControl(allow);
   return h("details", { id: "all-settings" }, h("summary", {}, "All settings of the motor"),
     h("div", { class: "stack" },
