@@ -4,7 +4,7 @@ use crate::outbox::{Texts, outbox};
 use crate::relay::Event;
 use std::io::ErrorKind;
 use std::net::TcpStream;
-use std::sync::mpsc::{Sender, TryRecvError};
+use std::sync::mpsc::{SyncSender, TryRecvError};
 use std::time::Duration;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
@@ -16,7 +16,7 @@ const LONGEST: usize = 16 * 1024;
 const POLL: Duration = Duration::from_millis(3);
 
 /// Serves the socket of a page until the page or the relay ends.
-pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
+pub(crate) fn attend(stream: TcpStream, id: u32, events: &SyncSender<Event>) {
     if stream.set_read_timeout(Some(POLL)).is_err() {
         return;
     }
@@ -33,7 +33,7 @@ pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
 }
 
 /// Reads an order and passes it to the relay; false if the page is gone.
-fn receive(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> bool {
+fn receive(socket: &mut WebSocket<TcpStream>, id: u32, events: &SyncSender<Event>) -> bool {
     match socket.read() {
         Ok(Message::Text(text)) => events.send(Event::Ordered(id, text.to_string())).is_ok(),
         Ok(Message::Close(_)) => false,

@@ -483,8 +483,8 @@ impl Relay {
         Ok(())
     }
 
-    /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) calls this function.
-    pub fn watch(&mut self) {
+    /// Disables the motors if the page in control counts as gone.
+    fn watch(&mut self) {
         if let Some(gone) = self.pages.review(Instant::now()) {
             self.switch_off_if_any(&gone.to_string());
             self.send_control();

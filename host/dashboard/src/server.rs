@@ -10,7 +10,7 @@ use std::io::BufWriter;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
 use tungstenite::handshake::server::write_response;
 
@@ -26,6 +26,9 @@ const READ: Duration = Duration::from_millis(100);
 
 /// Longest delay of frames that is caught up by sending later frames sooner.
 const CATCH_UP: Duration = Duration::from_millis(100);
+
+/// Shortest wait for an event before a frame. A page with several events needs some of this time between two of them.
+const NEXT_EVENT: Duration = Duration::from_millis(1);
 
 /// Time-out for sending an answer.
 const SENDING: Duration = Duration::from_secs(5);
@@ -91,7 +94,8 @@ impl Server {
 
     /// Serves the hub at a place until `stop` is set, then ends a running update and disables the hub's motors.
     pub fn run(self, place: Place, stop: &AtomicBool) {
-        let (events, received) = mpsc::channel();
+        // Without a queue a page waits until the relay takes its event, and pages take turns.
+        let (events, received) = mpsc::sync_channel(0);
         let Self { listener, admission, .. } = self;
         std::thread::spawn(move || listen(&listener, &admission, &events));
         relay_until(stop, Relay::new(place), &received);
@@ -101,21 +105,24 @@ impl Server {
 /// Passes events to the relay, and calls the relay for each frame, until `stop` is set. Then ends the relay.
 fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     let mut next = Instant::now();
+    // Events are handled before a late frame, but many events delay a frame by no more than an interval.
+    let mut latest = next;
     while !stop.load(Ordering::Relaxed) {
-        match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
-            Ok(event) => relay.handle(event),
-            Err(RecvTimeoutError::Timeout) => {
-                relay.tick();
-                // After a short delay of the hub the missed frames are caught up, but at most CATCH_UP.
-                next += INTERVAL;
-                next = next.max(Instant::now().checked_sub(CATCH_UP).unwrap_or(next));
+        match events.recv_timeout(next.saturating_duration_since(Instant::now()).max(NEXT_EVENT)) {
+            Ok(event) => {
+                relay.handle(event);
+                if Instant::now() < latest {
+                    continue;
+                }
             }
+            Err(RecvTimeoutError::Timeout) => (),
             Err(RecvTimeoutError::Disconnected) => break,
         }
-        // Many events must not delay the check of the page in control.
-        if next + INTERVAL < Instant::now() {
-            relay.watch();
-        }
+        relay.tick();
+        let now = Instant::now();
+        // After a short delay of the hub the missed frames are caught up, but at most CATCH_UP.
+        next = (next + INTERVAL).max(now.checked_sub(CATCH_UP).unwrap_or(next));
+        latest = next.max(now) + INTERVAL;
     }
     relay.end("the server has ended");
 }
@@ -135,7 +142,7 @@ fn reachable(address: SocketAddr) -> SocketAddr {
     own.map_or(address, |own| SocketAddr::new(own.ip(), address.port()))
 }
 
-fn listen(listener: &TcpListener, admission: &Admission, events: &Sender<Event>) {
+fn listen(listener: &TcpListener, admission: &Admission, events: &SyncSender<Event>) {
     let connections = Arc::new(AtomicU32::new(0));
     let pages = Arc::new(AtomicU32::new(0));
     for stream in listener.incoming().flatten() {
@@ -155,7 +162,7 @@ fn serve(
     mut stream: TcpStream,
     admission: &Admission,
     full: bool,
-    events: &Sender<Event>,
+    events: &SyncSender<Event>,
     pages: &AtomicU32,
 ) -> std::io::Result<()> {
     stream.set_read_timeout(Some(READ))?;

@@ -45,6 +45,30 @@ fn one_page_is_in_control_and_anyone_may_stop() {
 }
 
 #[test]
+fn a_flood_of_another_page_delays_neither_frames_nor_stop() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::ready(&dashboard));
+    driver.run(0);
+    let begun = Instant::now();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // The server closes the page if it does not read its answers.
+            while begun.elapsed() < Duration::from_secs(4) && viewer.send("\"export\"").is_ok() {
+                viewer.receive();
+            }
+        });
+        let before = driver.frame["number"].as_u64();
+        driver.stay(Duration::from_secs(2));
+        let frames = driver.frame["number"].as_u64().unwrap_or_default() - before.unwrap_or_default();
+        assert!(frames > 40 && driver.enabled(0), "{frames} frames in 2 s");
+        let since = Instant::now();
+        driver.order("stop", Value::Null);
+        driver.off("stopped");
+        assert!(since.elapsed() < Duration::from_secs(1), "{:?}", since.elapsed());
+    });
+}
+
+#[test]
 fn a_change_of_settings_is_answered_to_the_page_that_asked_for_it() {
     let dashboard = Dashboard::start(&[]);
     let mut page = Page::ready(&dashboard);
