@@ -29,7 +29,7 @@
 //!
 //! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning
 //! the numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for
-//! 10 s, or returns no new number for 1 s. The motors are also disabled when the program ends. If the program is
+//! 10 s, or does not return the numbers of frames for 1 s. The motors are also disabled when the program ends. If the program is
 //! killed, the hub receives nothing more and disables the motors itself.
 //!
 //! ```no_run

@@ -2,15 +2,15 @@
 //! no clock: events and times are arguments.
 //!
 //! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as
-//! open while its newest shown frame was sent at most [`SILENCE`] ago. A page that is hidden for more than [`HIDDEN`]
-//! counts as gone. A page that has crashed, and a page that shows old frames from a long queue, therefore count as
-//! gone.
+//! gone if a frame that was sent after its newest shown frame is older than [`SILENCE`]. A page that is hidden for more
+//! than [`HIDDEN`] counts as gone too. A page that has crashed, and a page that shows old frames from a long queue,
+//! therefore count as gone. While the hub does not answer, no frames are sent, and the page keeps control.
 
 use motor_hub_client::clock::Instant;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-/// Age of the newest shown frame from which a page counts as gone.
+/// Age of a frame that was not shown from which a page counts as gone.
 pub const SILENCE: Duration = Duration::from_secs(1);
 
 /// Time after which a hidden page counts as gone.
@@ -25,7 +25,7 @@ pub enum Gone {
     /// The page's socket is closed.
     #[error("the page in control was closed")]
     Closed,
-    /// The page has shown no new frame for [`SILENCE`].
+    /// The page has not shown the frames that were sent to it for [`SILENCE`].
     #[error("the page in control showed no new values for 1 s")]
     Silent,
     /// The page was hidden for [`HIDDEN`].
@@ -150,7 +150,8 @@ impl Pages {
         let id = self.controller?;
         let page = self.pages.get(&id)?;
         let passed = |since: Instant| now.saturating_duration_since(since);
-        let gone = if passed(page.fresh_at) > SILENCE {
+        let not_shown = self.sent.iter().map(|(_, at)| *at).find(|at| *at > page.fresh_at);
+        let gone = if not_shown.is_some_and(|at| passed(at) > SILENCE) {
             Some(Gone::Silent)
         } else if page.hidden_since.is_some_and(|since| passed(since) > HIDDEN) {
             Some(Gone::Hidden)

@@ -47,16 +47,21 @@ fn a_page_that_is_fed_from_a_long_queue_is_gone_though_it_shows_something_all_th
 }
 
 #[test]
-fn silence_is_counted_from_the_newest_shown_frame_and_reported_once() {
+fn silence_is_counted_from_the_first_frame_that_was_not_shown_and_reported_once() {
     let (mut pages, now) = pages();
-    pages.sent(1, now);
+    pages.sent(1, now + MS);
     pages.sent(2, now + 500 * MS);
     pages.shown(1, 2);
     // An older frame shown later has no effect.
     pages.shown(1, 1);
-    assert_eq!(pages.review(now + 500 * MS + SILENCE), None);
-    assert_eq!(pages.review(now + 501 * MS + SILENCE), Some(Gone::Silent));
-    assert_eq!(pages.review(now + 2 * SILENCE), None);
+    // A hub that does not answer has no new values to show.
+    assert_eq!(pages.review(now + 60 * SILENCE), None);
+    let back = now + 60 * SILENCE;
+    pages.sent(3, back);
+    pages.sent(4, back + 500 * MS);
+    assert_eq!(pages.review(back + SILENCE), None);
+    assert_eq!(pages.review(back + SILENCE + MS), Some(Gone::Silent));
+    assert_eq!(pages.review(back + 2 * SILENCE), None);
 }
 
 #[test]
@@ -67,7 +72,7 @@ fn frames_that_were_never_sent_or_not_to_this_page_prove_nothing() {
     pages.shown(1, 7);
     pages.shown(2, 1);
     pages.shown(3, 1);
-    assert_eq!(pages.review(now + SILENCE + MS), Some(Gone::Silent));
+    assert_eq!(pages.review(now + 901 * MS + SILENCE), Some(Gone::Silent));
 }
 
 #[test]
@@ -120,16 +125,19 @@ fn a_page_that_gets_control_must_show_frames_like_any_other() {
     pages.join(2, now);
     assert!(pages.take(2, now), "another page is in control");
     assert!(pages.release(1));
-    assert_eq!(pages.review(now + SILENCE + MS), Some(Gone::Silent));
+    pages.sent(1, now + MS);
+    assert_eq!(pages.review(now + SILENCE + 2 * MS), Some(Gone::Silent));
 }
 
 #[test]
 fn a_page_that_takes_control_counts_as_just_shown() {
     let (mut pages, now) = pages();
     pages.release(1);
+    pages.sent(1, now + MS);
     let later = now + 60 * SILENCE;
     assert!(!pages.take(1, later));
     assert_eq!(pages.controller(), Some(1));
-    assert_eq!(pages.review(later + SILENCE), None);
-    assert_eq!(pages.review(later + SILENCE + MS), Some(Gone::Silent));
+    pages.sent(2, later + MS);
+    assert_eq!(pages.review(later + SILENCE + MS), None);
+    assert_eq!(pages.review(later + SILENCE + 2 * MS), Some(Gone::Silent));
 }

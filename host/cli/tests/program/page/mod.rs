@@ -86,9 +86,7 @@ impl Page {
                 let message: Value = serde_json::from_str(&text).unwrap();
                 if message["kind"] == "frame" {
                     self.frame = message.clone();
-                    if message["number"].as_u64().unwrap().is_multiple_of(5) {
-                        self.order("shown", json!({ "number": message["number"] }));
-                    }
+                    self.order("shown", json!({ "number": message["number"] }));
                 }
                 Some(message)
             }
