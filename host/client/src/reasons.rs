@@ -15,6 +15,11 @@
 //! let limited = HubReport { motors: [limited].into_iter().collect(), ..hub.clone() };
 //! assert_eq!(why_still(&limited, 0), Some("held by its current limit: the load needs more current"));
 //!
+//! // Without current a motor may still turn, for example by its load.
+//! let turning = MotorReport { velocity: 300, stalled: false, ..motor };
+//! let low = HubReport { bus: BusState::Cutoff, motors: [turning].into_iter().collect(), ..hub.clone() };
+//! assert_eq!(why_still(&low, 0), Some("the battery voltage is too low: the hub draws no current"));
+//!
 //! // The report is older than the newest command, so the reason may have passed.
 //! let commands = Some(Commands { included: 7, newest: 8 });
 //! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
@@ -66,13 +71,17 @@ pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) ->
     }
 }
 
-/// Why a motor does not turn; if there are several reasons, the most basic one. `None` if the motor turns, if no reason
-/// is known, or if the report is older than the newest command to an enabled motor.
+/// Why a motor does not turn, or gets no current because of the battery; if there are several reasons, the most basic
+/// one. `None` if a motor with current turns, if no reason is known, or if the report is older than the newest command to
+/// an enabled motor.
 #[must_use]
 pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     let motor = hub.motors.get(motor)?;
     if let Some(fault) = fault(motor) {
         return Some(fault);
+    }
+    if motor.enabled && matches!(hub.bus, BusState::NoReading | BusState::TooLow | BusState::Cutoff) {
+        return supply(hub.bus);
     }
     // The speed of a stalled motor is an estimate, which may differ from 0.
     if motor.velocity.unsigned_abs() > STANDSTILL_SPEED_CPS && !motor.stalled {
