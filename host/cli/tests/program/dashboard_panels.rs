@@ -254,6 +254,18 @@ fn a_card_shows_the_state_of_the_bridge_and_names_slider_and_field_apart() {
     });
 }
 
+#[test]
+fn a_time_without_frames_is_a_gap_in_the_curves() {
+    with_page(|tab| {
+        let curve = tab.ask(
+            "import('/js/history.js').then(({ History }) => { const all = new History(); \
+             for (const at_s of [1, 1.02, 3]) all.push({ at_s, motors: [{ velocity: 5 }] }); \
+             return all.motors[0].velocity.last(); })",
+        );
+        assert_eq!(curve, json!([5, 5, null, 5]));
+    });
+}
+
 const STATUS: &str = "document.querySelector('#panel-record [role=status]').textContent";
 
 #[test]

@@ -66,8 +66,8 @@ function fill(u, time, low, high, first, last, step) {
     // One polygon for each stretch of known points.
     while (i <= last && low[i] === null) i += 1;
     const from = i;
-    while (i <= last && low[i] !== null) i += step;
-    const to = Math.min(i, last + 1) - 1;
+    while (i <= last && low[i] !== null) i += 1;
+    const to = i - 1;
     if (to <= from) continue;
     ctx.beginPath();
     for (let k = from; k <= to; k += step) ctx.lineTo(x(k), y(high[k]));
@@ -84,11 +84,9 @@ function stroke(u, time, edge, first, last, step, colour, dash) {
   ctx.setLineDash(dash.map((length) => length * devicePixelRatio));
   ctx.beginPath();
   let pen = false;
-  for (let i = first; i <= last; i += step) {
-    if (edge[i] === null) {
-      pen = false;
-      continue;
-    }
+  for (let i = first; i <= last; i += 1) {
+    if (edge[i] === null) pen = false;
+    if (edge[i] === null || (pen && i % step)) continue;
     const [x, y] = [u.valToPos(time[i], "x", true), u.valToPos(edge[i], "y", true)];
     if (pen) ctx.lineTo(x, y);
     else ctx.moveTo(x, y);

@@ -3,6 +3,9 @@
 /** Number of frames kept: one minute at 50 frames per second. */
 export const KEPT = 3000;
 
+/** Time between two frames from which nothing is drawn between them, in seconds. */
+export const GAP_S = 0.5;
+
 /** Quantities of a motor. `target` is a speed, `goal` a position. */
 export const OF_MOTOR = ["velocity", "target", "position", "goal", "control", "s", "t", "z", "g", "current", "load", "measured"];
 
@@ -37,6 +40,8 @@ export class History {
 
   /** @param {any} frame */
   push(frame) {
+    const before = this.time.values.at(-1) ?? frame.at_s;
+    if (frame.at_s - before > GAP_S) this.push({ at_s: before + GAP_S / 2, motors: [] });
     this.length += 1;
     this.time.push(frame.at_s);
     this.battery.push(frame.battery_v ?? null);

@@ -1,7 +1,7 @@
 // Panel for recordings: saves values as CSV or MCAP, and shows saved CSV files whole, with their events.
 
 import { elementById, h, setText } from "./dom.js";
-import { OF_MOTOR } from "./history.js";
+import { GAP_S, OF_MOTOR } from "./history.js";
 import { mcap } from "./mcap.js";
 import { show } from "./plots.js";
 import { on, shownHub } from "./state.js";
@@ -65,10 +65,15 @@ export function parse(/** @type {string} */ text) {
     const of = /** @type {any} */ (motors[motor]);
     const words = event(before[motor], row);
     if (words) of.marks.push({ at: row.time_s, words });
+    const push = (/** @type {any} */ values) => {
+      of.time.push(values.time_s);
+      of.battery.push(values.battery_v ?? null);
+      for (const name of OF_MOTOR) of[name].push(values[name] ?? null);
+    };
+    const last = before[motor]?.time_s ?? row.time_s;
+    if (row.time_s - last > GAP_S) push({ time_s: last + GAP_S / 2 });
+    push(row);
     before[motor] = row;
-    of.time.push(row.time_s);
-    of.battery.push(row.battery_v);
-    for (const name of OF_MOTOR) of[name].push(row[name] ?? null);
   }
   return motors;
 }
