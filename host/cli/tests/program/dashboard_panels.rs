@@ -416,6 +416,11 @@ fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
         let says = "document.querySelector('#firmware-file').closest('.stack').querySelector('[role=status]').textContent";
         choose(tab, "#firmware-file", "hub.bin", "no firmware");
         tab.wait(&format!("{says}.startsWith('hub.bin: it is no motor-hub firmware')"));
+        choose(tab, "#firmware-file", "cut.elf", b"\x7FELF\x01\x01\x01");
+        tab.wait(&format!("{says} === 'cut.elf: the ELF file is cut off: build or copy it again.'"));
+        let no_slot = [&[0; 100], b"HW: 20, Maj: 1, Min: 0\0".as_slice()].concat();
+        choose(tab, "#firmware-file", "hub.bin", no_slot);
+        tab.wait(&format!("{says}.startsWith('The firmware is refused: ')"));
         let mut image = image(RUNS);
         image.resize(20_000, 0xA5);
         // An ELF file (32 bits, ARM) with one segment that is loaded to the slot.

@@ -7,20 +7,24 @@ import { mayOrder, on, onControl, state } from "./state.js";
 const PART = 6000;
 /** Largest image in bytes: more than the flash of any supported chip. */
 const LARGEST = 4 << 20;
-/** First bytes of an ELF file of 32 bits, and the type of a segment that is loaded. */
-const [ELF, LOAD] = [[0x7f, 0x45, 0x4c, 0x46, 1, 1], 1];
+/** First bytes of an ELF file of 32 bits, the length of its header, and the type of a segment that is loaded. */
+const [ELF, HEADER, LOAD] = [[0x7f, 0x45, 0x4c, 0x46, 1, 1], 52, 1];
 /** First characters and largest length of the version text in each image. */
 const [VERSION, LONGEST] = ["HW: 20, Maj: ", 40];
 
 /** Bytes of a file in flash. Those of an ELF file begin at its lowest address; gaps are filled with 0xFF, as erased flash is. */
 function flashOf(/** @type {Uint8Array} */ file) {
   if (!ELF.every((byte, index) => file[index] === byte)) return file;
+  const cut = new Error("the ELF file is cut off: build or copy it again");
+  if (file.length < HEADER) throw cut;
   const view = new DataView(file.buffer);
   const [headers, size, count] = [view.getUint32(28, true), view.getUint16(42, true), view.getUint16(44, true)];
+  if (headers + count * size > file.length) throw cut;
   const segments = Array.from({ length: count }, (_, index) => {
     const [type, from, , at, length] = [0, 4, 8, 12, 16].map((field) => view.getUint32(headers + index * size + field, true));
-    return { loaded: type === LOAD && length > 0, at, data: file.subarray(from, from + length) };
+    return { loaded: type === LOAD && length > 0, at, length, data: file.subarray(from, from + length) };
   }).filter(({ loaded }) => loaded);
+  if (segments.some(({ data, length }) => data.length < length)) throw cut;
   const origin = Math.min(...segments.map(({ at }) => at));
   const length = Math.max(...segments.map(({ at, data }) => at + data.length)) - origin;
   if (!(length <= LARGEST)) throw new Error("it has no segments for one flash");
@@ -68,6 +72,8 @@ export function firmwareForm(link) {
       if (Boolean(signature) !== Boolean(key)) throw new Error(`a signed image needs a signature and a key: choose the ${signature ? "key" : "signature"} too`);
       if (signature && bytes !== file) throw new Error("it is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them");
       const hex = async (/** @type {File|null} */ one) => (one ? hexOf(new Uint8Array(await one.arrayBuffer())) : "");
+      progress.value = 0;
+      setText(says, `${chosen.name} is sent …`);
       const sealed = signature && { signature: await hex(signature), key: await hex(key) };
       for (let offset = 0; offset < bytes.length; offset += PART) link.order("firmware", { offset, hex: hexOf(bytes.subarray(offset, offset + PART)) });
       link.order("update", { version, seal: sealed });
@@ -97,6 +103,8 @@ export function firmwareForm(link) {
     setText(says, is === "failed" ? `The update failed: ${text}.` : is === "done" ? `The update is done: ${text}.` : `${text} ${percent} %`);
     allow();
   });
+  // An answer does not name its order. While a file is sent, a refusal is taken for one of the file.
+  on("refused", ({ why }) => { if (says.textContent?.endsWith("…")) setText(says, `The firmware is refused: ${why}.`); });
   on("open", () => {
     if (state.open || !running) return;
     running = false;
