@@ -8,7 +8,7 @@ use crate::world::World;
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::extension::Request;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
+use motor_hub::extension::settings::{Field, Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{Settings, ThermalLimit, ZeroPower};
@@ -321,15 +321,16 @@ fn configured(
     }
     let mut requests = Vec::new();
     let mut set_up = false;
+    let requested = |field: &Field| match given.get(field.name) {
+        None => Ok(field.get(before)),
+        // `null` removes the value of an optional setting.
+        Some(Value::Null) if field.zero == Zero::NotConfigured => Ok(0),
+        Some(Value::Null) => Err(format!("{} must have a value, not null", field.name)),
+        Some(value) => raw_of(field, value.as_str(), value.as_f64(), value),
+    };
     for group in configurable() {
         let values = Values::collect(group, |field| {
-            let raw = match given.get(field.name) {
-                None => field.get(before),
-                // `null` removes the value of an optional setting.
-                Some(Value::Null) if field.zero == Zero::NotConfigured => 0,
-                Some(Value::Null) => return Err(format!("{} must have a value, not null", field.name)),
-                Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
-            };
+            let raw = requested(field)?;
             // A thermal limit needs time constants. A time constant that is not configured gets its usual value.
             Ok::<_, String>(Some(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
@@ -340,6 +341,12 @@ fn configured(
         let after = values
             .apply_to(before)
             .map_err(|nack| format!("the values of the {}: {nack}", of_group(group)))?;
+        for field in group.fields().iter().filter(|field| given.contains_key(field.name)) {
+            if field.get(&after) == 0 && requested(field)? != 0 {
+                let needed = needed_by(field);
+                return Err(format!("{} has no effect without {needed}: set {needed} too", field.name).into());
+            }
+        }
         let changes = Values::of(group, &after) != Values::of(group, before);
         set_up |= changes && group == Group::SetUp;
         if changes || (set_up && group == Group::Motion) {
@@ -347,6 +354,15 @@ fn configured(
         }
     }
     if requests.is_empty() { Err("no setting has changed".into()) } else { Ok(requests) }
+}
+
+/// Returns the setting without which a setting has no effect.
+fn needed_by(field: &Field) -> &'static str {
+    match field.name.split_once('.') {
+        Some(("thermal", _)) => "thermal.continuous_current_ma",
+        Some(_) => "dynamics.acceleration_cps2_per_v",
+        None => "scheme D",
+    }
 }
 
 /// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.

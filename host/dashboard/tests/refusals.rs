@@ -198,6 +198,34 @@ fn a_set_up_with_scheme_d_keeps_the_blend() {
     assert_ne!(scheme_after(set_up("D")), fixed);
 }
 
+#[test]
+fn a_setting_without_effect_is_refused_with_the_setting_that_it_needs() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.frame();
+    for (values, why) in [
+        (json!({ "blend": 0.5 }), "blend has no effect without scheme D: set scheme D too"),
+        (
+            json!({ "thermal.winding_s": 20, "current_limit_ma": 2000 }),
+            "thermal.winding_s has no effect without thermal.continuous_current_ma: \
+             set thermal.continuous_current_ma too",
+        ),
+        (
+            json!({ "dynamics.decay_per_s": 3 }),
+            "dynamics.decay_per_s has no effect without dynamics.acceleration_cps2_per_v: \
+             set dynamics.acceleration_cps2_per_v too",
+        ),
+        (json!({ "current_limit_ma": null }), "no setting has changed"),
+    ] {
+        page.order(&json!({ "configure": { "motor": 0, "values": values } }));
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        assert_eq!(refused["why"], why);
+    }
+    page.order(
+        &json!({ "configure": { "motor": 0, "values": { "thermal.winding_s": 20, "thermal.continuous_current_ma": 900 } } }),
+    );
+    page.until("new settings", |message| message["kind"] == "settings" && message["undoable"] == 1);
+}
+
 /// Reports that the last access to the memory of stored settings has failed.
 fn with_failed_access(packet: &Packet) -> Option<Reply> {
     let report = StoreReport { outcome: Outcome::Refused, ..StoreReport::default() };
