@@ -29,6 +29,10 @@ fn servos_run_until_stop() {
         tab.wait(&format!("document.querySelector('{run}').checkVisibility()"));
         tab.click(run);
         tab.wait(&is(true));
+        // Another period is sent to the servos with pulses.
+        tab.fill("#servo-period", "1400");
+        tab.wait("document.querySelector('#notice').textContent.startsWith('Not done: a pulse of 1500')");
+        tab.fill("#servo-period", "20000");
         tab.press(ESCAPE);
         tab.wait(&is(false));
         // A width that the slider has not sent yet at STOP starts no pulses.

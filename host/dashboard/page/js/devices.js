@@ -56,10 +56,14 @@ export function devicesPanel(link) {
 }
 
 function servos(/** @type {any} */ link) {
-  const period = h("input", { type: "number", id: "servo-period", min: 2, max: 65535, step: 1, value: 20000 });
+  const period = h("input", { type: "number", id: "servo-period", min: 2, max: 65535, step: 1, value: 20000, onchange: () => {
+    for (const one of all) if (one.on) one.send(null);
+  } });
   const all = count(SERVOS).map((servo) => {
-    const one = { width: 1500, on: false, row: [], slider: /** @type {any} */ (null), run: /** @type {any} */ (null) };
-    const send = (/** @type {boolean|null} */ on) => link.order("device", { servo: { servo, period_us: numberIn(period), width_us: one.width, on } });
+    const one = { width: 1500, on: false, row: [], send, slider: /** @type {any} */ (null), run: /** @type {any} */ (null) };
+    function send(/** @type {boolean|null} */ on) {
+      link.order("device", { servo: { servo, period_us: numberIn(period), width_us: one.width, on } });
+    }
     one.slider = labelled({ label: `Pulse of servo ${servo}, µs`, min: 500, max: 2500, step: 10, words: (value) => `${number(value)} µs`, send: (value) => {
       one.width = value;
       // A change of the width starts no pulses.
