@@ -8,7 +8,7 @@ use tungstenite::handshake::machine::TryParse;
 use tungstenite::handshake::server::Request;
 
 /// Longest head of a request, in bytes.
-const LONGEST_HEAD: usize = 8 * 1024;
+pub(crate) const LONGEST_HEAD: usize = 8 * 1024;
 
 /// Headers of every answer. The page loads nothing from other servers, cannot be put in a frame, and is not cached. Its
 /// URL with the token is not sent to other sites.

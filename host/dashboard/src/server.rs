@@ -2,11 +2,11 @@
 
 use crate::admission::{Admission, PublicUrl, Wanted};
 use crate::assets;
-use crate::http;
+use crate::http::{self, LONGEST_HEAD};
 use crate::page_socket;
 use crate::place::Place;
 use crate::relay::{Event, INTERVAL, Relay};
-use std::io::BufWriter;
+use std::io::{BufWriter, Read};
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -172,6 +172,8 @@ fn serve(
     let local = stream.local_addr()?;
     let local = SocketAddr::new(local.ip().to_canonical(), local.port());
     if full {
+        // A connection that is closed with an unread request loses its answer.
+        let _ = stream.read(&mut [0; LONGEST_HEAD])?;
         return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }
     let request = match http::read_head(&mut stream, Instant::now() + ADMISSION) {
