@@ -84,7 +84,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
         // Also all parts of which the user opens one at a time.
         tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
         for (width, height) in
-            [(1280, 1000), (768, 1024), (390, 844), (1366, 768), (1920, 1080), (3840, 2160)]
+            [(1280, 1000), (768, 1024), (390, 844), (320, 640), (1366, 768), (1920, 1080), (3840, 2160)]
         {
             tab.resize(width, height);
             tab.settle();
