@@ -195,7 +195,7 @@ impl PageRequest {
             Self::Regulator { motor, kind: Kind::Pid } => format!("motor {motor} is regulated by PID"),
             Self::SetUp { motor, .. } => format!("motor {motor} is set up"),
             Self::Acceleration { motor, limit: Some(limit) } => {
-                format!("motor {motor}: the acceleration limit is {limit} counts/s²")
+                format!("motor {motor}: the acceleration limit is {} counts/s²", limit.round())
             }
             Self::Acceleration { motor, limit: None } => format!("motor {motor} has no acceleration limit"),
             Self::Apply { motor } => format!("motor {motor} uses the identified values"),

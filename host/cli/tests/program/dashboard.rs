@@ -88,6 +88,8 @@ fn a_change_of_settings_is_answered_to_the_page_that_asked_for_it() {
             "{answer}"
         );
     }
+    page.order("acceleration", json!({ "motor": 1, "limit": 4000.6 }));
+    page.notice("motor 1: the acceleration limit is 4001 counts/s²");
 }
 
 #[test]

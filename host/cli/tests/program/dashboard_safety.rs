@@ -1,8 +1,8 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
 use crate::browser::page::{
-    card, drive, drive_until, focus, live, motor, mouse, number, off, open, point, press, with_driver_and_viewer,
-    with_page, with_page_of, with_two_pages,
+    card, drive, drive_until, focus, live, motor, mouse, number, off, open, point, press,
+    with_driver_and_viewer, with_page, with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
 use crate::common::{alone, made_folder, signal, wait_for};
@@ -289,6 +289,8 @@ fn a_page_that_only_watches_shows_the_speed_that_runs() {
         };
         shows(&mut viewer, "input[type=number]", "900");
         shows(&mut viewer, "input[type=range]", "900");
+        let inputs = "[...document.querySelectorAll('#panel-tune input')].every(({ disabled }) => disabled)";
+        assert_eq!(viewer.ask(inputs), true);
         driver.fill(&card(0, "[aria-label^=Mode]"), "power");
         driver.fill(&card(0, "input[type=number]"), "25");
         shows(&mut viewer, "[aria-label^=Mode]", "power");
@@ -337,7 +339,15 @@ fn a_speed_above_the_free_speed_is_limited_with_a_message() {
         let limited = target(tab);
         assert!(limited <= free && limited > 0.98 * free, "{limited} of {free}");
         assert_eq!(number(tab, &card(0, "input[type=number]")), limited);
-        tab.wait(&format!("document.querySelector('{}').textContent.includes('9999')", card(0, ".why")));
+        let says = |text: &str| {
+            format!("document.querySelector('{}').textContent.includes('{text}')", card(0, ".why"))
+        };
+        tab.wait(&says("the free speed at 12 V: 9999 was entered"));
+        // This motor is faster than a hub accepts.
+        tab.ask("dashboard.link.order('configure', { motor: 0, values: { emf_mv_s_per_count: 0.1 } })");
+        tab.wait("dashboard.state.settings[0].emf_mv_s_per_count < 0.2");
+        tab.fill(&card(0, "input[type=number]"), "99999");
+        tab.wait(&says("the highest speed that a hub accepts: 99999 was entered"));
     });
 }
 

@@ -67,7 +67,7 @@ export function hubPanel(link) {
     part("hub", "This hub", true,
       h("table", {}, about),
       h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp, h("label", { for: "hub-address" }, "Address, 1 to 254"), h("div", { class: "slider" }, address, setAddress)),
-      h("p", { class: "muted" }, "The hub stores its address at once, and keeps the stored settings of its motors.")),
+      h("p", { class: "muted" }, "A notice says how long the hub keeps a new address.")),
     part("hub", "Settings of all motors", false,
       h("div", { class: "row" }, take, give, file), h("div", { class: "row" }, save, fetchStored, reset),
       h("p", { class: "muted" }, "A file is put in force as a whole, or not at all. Undo in Set up takes it back, motor by motor.")),

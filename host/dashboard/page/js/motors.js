@@ -6,7 +6,7 @@ import { elementById, h, numberIn, setText } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
 import { choose, mayOrder, motorName, on, onControl, state } from "./state.js";
-import { freeSpeed, fromCps, number, speed, speedUnit, toCps } from "./units.js";
+import { freeSpeed, fromCps, number, speed, speedLimit, speedUnit, toCps } from "./units.js";
 
 /** Shortest interval between two set-points of a dragged slider, in milliseconds. */
 const DRAG_MS = 50;
@@ -40,7 +40,7 @@ export function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
   if (mode === "velocity") {
     const free = fromCps(freeSpeed(settings), settings);
     const step = free > 500 ? 10 : free > 50 ? 1 : 0.1;
-    return { most: Math.floor(free / step) * step, step, digits: speedUnit(settings) === "counts/s" ? 0 : 1, unit: speedUnit(settings), limit: "the free speed at 12 V", shown: (value) => fromCps(value, settings), meant: (value) => toCps(value, settings) };
+    return { most: Math.floor(free / step) * step, step, digits: speedUnit(settings) === "counts/s" ? 0 : 1, unit: speedUnit(settings), limit: speedLimit(settings), shown: (value) => fromCps(value, settings), meant: (value) => toCps(value, settings) };
   }
   return { most: Math.round(5 * (settings?.counts_per_turn ?? 1000)), step: 1, digits: 0, unit: "counts", shown: same, meant: same };
 }

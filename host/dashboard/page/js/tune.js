@@ -174,7 +174,7 @@ export function tunePanel(link) {
   }
   function allow() {
     const may = mayOrder();
-    for (const element of [byModel, byPid, setLimit, begin, limit, ...apply]) element.disabled = !may;
+    for (const element of [byModel, byPid, setLimit, begin, limit, ...apply, ...fields.velocity, ...fields.position, ...endFields]) element.disabled = !may;
     undo.disabled = !inControl() || !state.settings[state.chosen]?.undoable;
   }
   on("settings", ({ motor }) => { if (motor === state.chosen) fill(); });

@@ -23,12 +23,17 @@ export const toCps = (value, settings) => value / (factor(settings) ?? 1);
 const MOST_CPS = 32767;
 /** Free speed of a motor at 12 V, in counts/s, as far as a hub accepts it. @param {any} settings */
 export const freeSpeed = (settings) => Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000);
+/** What limits the speed of a motor. @param {any} settings */
+export const speedLimit = (settings) => (freeSpeed(settings) < MOST_CPS ? "the free speed at 12 V" : "the highest speed that a hub accepts");
 
 /** Text of a number, with a space between thousands from 10 000 on; "–" if unknown. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 0) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   return value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−").replace(/\B(?=(\d{3})+(?!\d|.*\.\d))/g, value >= 1e4 || value <= -1e4 ? " " : "");
 }
+
+/** Text of a tick of an axis, with as few digits as needed. @param {number} tick */
+export const tickText = (tick) => number(tick, [0, 1, 2].find((digits) => Math.abs(tick - Number(tick.toFixed(digits))) < 1e-9) ?? 3);
 
 /** @param {number} cps @param {any} settings */
 export const speed = (cps, settings) => number(fromCps(cps, settings), speedUnit(settings) === "counts/s" ? 0 : 1);
