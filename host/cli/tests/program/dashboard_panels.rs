@@ -3,7 +3,7 @@
 use crate::browser::Tab;
 use crate::browser::page::{
     CATCH, ESCAPE, choose, drive, drive_until, focus, motor, mouse, number, off, open, pictures, point,
-    press, saved, with_page, with_page_of,
+    press, saved, unobstructed, with_page, with_page_of,
 };
 use crate::client_update::{KEY, RUNS, image, with_slot};
 use crate::hub_support::{SIGNATURE, SLOT, Server};
@@ -263,6 +263,33 @@ fn a_time_without_frames_is_a_gap_in_the_curves() {
              return all.motors[0].velocity.last(); })",
         );
         assert_eq!(curve, json!([5, 5, null, 5]));
+    });
+}
+
+#[test]
+fn plots_that_are_zoomed_in_are_resumed_and_a_recording_without_rows_is_refused() {
+    with_page(|tab| {
+        let pause = |words: &str| format!("document.querySelector('#pause').textContent === '{words}'");
+        let [from, to] = ["0.3", "0.6"]
+            .map(|share| point(tab, "#charts .u-over", &format!("{share} * b.width"), "b.height / 2"));
+        mouse(tab, "mousePressed", from);
+        mouse(tab, "mouseMoved", to);
+        mouse(tab, "mouseReleased", to);
+        tab.wait(&pause("Resume live"));
+        tab.click("#unzoom");
+        tab.wait(&pause("Pause"));
+        tab.click("#tab-record");
+        let heading = "document.querySelector('#panel-record [role=status]').textContent";
+        let names = tab.ask("import('/js/history.js').then(({ OF_MOTOR }) => OF_MOTOR.join())");
+        let names = names.as_str().unwrap();
+        choose(tab, "#record-file", "head.csv", format!("time_s,motor,battery_v,{names}\n"));
+        tab.wait(&format!("{heading} === 'head.csv: the recording has no rows'"));
+        assert_eq!(tab.ask(&pause("Pause")), true);
+        // The choice of curves shifts the plots down, and no text lies over another one.
+        tab.resize(1280, 900);
+        tab.click("#curves-button");
+        tab.settle();
+        assert_eq!(unobstructed(tab), Vec::<String>::new());
     });
 }
 

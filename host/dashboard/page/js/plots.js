@@ -5,7 +5,7 @@ import { drawBands, nameBands } from "./bands.js";
 import { elementById, h, LARGE, setText, typeScale } from "./dom.js";
 import { select } from "./list.js";
 import { store, stored, motorName, on, state } from "./state.js";
-import { fromCps, number, speedUnit } from "./units.js";
+import { fromCps, number, speedUnit, tickText } from "./units.js";
 
 /** @typedef {{name: string, words: string, colour: string, dash?: number[], digits: number, of?: number}} Line `of` is a motor, where it is not the chosen one */
 /** @typedef {{title: string, height: number, lines: Line[], range?: (u: any, low: number, high: number) => number[]}} Plot */
@@ -47,9 +47,6 @@ function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {numb
   const room = Math.max(least, 0.12 * (high - low));
   return [low - room, high + room];
 }
-
-/** Text of a tick with as few digits as needed. */
-const tickWords = (/** @type {number} */ tick) => number(tick, [0, 1, 2].find((digits) => Math.abs(tick - Number(tick.toFixed(digits))) < 1e-9) ?? 3);
 
 let colours = new Map();
 function colour(/** @type {string} */ name) {
@@ -135,7 +132,7 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
     width: Math.max(200, host.clientWidth), height, legend: { show: false }, padding: [6, 8, 0, 0],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
     scales: { x: { time: false, range: (/** @type {any} */ u, /** @type {number} */ low, /** @type {number} */ high) => view.zoom ?? [Math.max(low, high - view.window), Math.max(high, low + 1)] }, y: { range } },
-    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60 * scale, size: () => (name === lowest() ? 34 * scale : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62 * scale, space: 26 * scale, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
+    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60 * scale, size: () => (name === lowest() ? 34 * scale : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62 * scale, space: 26 * scale, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickText) }],
     series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false, show: lineShown(name, line) }))],
     hooks: {
       drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
@@ -156,7 +153,7 @@ function zoom(/** @type {any} */ u) {
   if (!view.frozen) freeze();
   view.zoom = [u.posToVal(left, "x"), u.posToVal(left + width, "x")];
   u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-  elementById("unzoom").disabled = false;
+  showState();
   draw();
 }
 
@@ -306,10 +303,15 @@ function pause(/** @type {boolean} */ paused) {
   view.paused = paused;
   if (paused && !view.frozen) freeze();
   if (!paused) [view.frozen, view.zoom, whole] = [null, null, null];
-  elementById("pause").setAttribute("aria-pressed", String(paused));
-  setText(elementById("pause"), paused ? "Resume live" : "Pause");
-  elementById("unzoom").disabled = view.zoom === whole;
+  showState();
   draw();
+}
+
+/** Shows in the buttons whether the plots are frozen and zoomed in. */
+function showState() {
+  elementById("pause").setAttribute("aria-pressed", String(view.frozen !== null));
+  setText(elementById("pause"), view.frozen ? "Resume live" : "Pause");
+  elementById("unzoom").disabled = view.zoom === whole;
 }
 
 export function startPlots() {
@@ -333,7 +335,7 @@ export function startPlots() {
   startCurves();
   buildAll();
   LARGE.addEventListener("change", buildAll);
-  elementById("pause").addEventListener("click", () => pause(!view.paused));
+  elementById("pause").addEventListener("click", () => pause(!view.frozen));
   elementById("unzoom").addEventListener("click", () => {
     view.zoom = whole;
     pause(view.paused);

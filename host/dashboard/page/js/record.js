@@ -75,6 +75,7 @@ export function parse(/** @type {string} */ text) {
     push(row);
     before[motor] = row;
   }
+  if (!before.length) throw new Error("the recording has no rows");
   return motors;
 }
 

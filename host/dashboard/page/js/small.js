@@ -2,7 +2,7 @@
 
 import { h, LARGE, typeScale } from "./dom.js";
 import { on } from "./state.js";
-import { number } from "./units.js";
+import { number, tickText } from "./units.js";
 
 /** @typedef {{words: string, colour: string, dash?: number[]}} Line */
 
@@ -46,7 +46,7 @@ export class SmallPlot {
     this.plot ??= new uPlot({
       width, height: this.height, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
       scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {any} */ low, /** @type {any} */ high) => (low === null ? [0, 1000] : uPlot.rangeNum(low, high, 0.1, true)) } },
-      axes: [{ ...axis, size: 28 * typeScale(), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 * typeScale() }],
+      axes: [{ ...axis, size: 28 * typeScale(), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${tickText(tick)} s`) }, { ...axis, size: 62 * typeScale(), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickText) }],
       series: [{}, ...this.lines.map(({ colour: name, dash }) => ({ stroke: colour(name), width: 2, dash, points: { show: false } }))],
     }, this.data, this.host);
     if (this.plot.width !== width) this.plot.setSize({ width, height: this.height });
