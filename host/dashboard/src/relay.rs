@@ -9,7 +9,7 @@ use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
 use crate::hub::{Opened, RequestError, channel, or_refusal};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
-use crate::pages::{Pages, SILENCE};
+use crate::pages::Pages;
 use crate::place::Place;
 use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
@@ -84,8 +84,6 @@ pub struct Relay {
     since: Instant,
     connect_at: Instant,
     looked_at: Instant,
-    /// End of the last call of [`tick`](Self::tick).
-    ticked_at: Instant,
     /// Newest message about the line, for new pages.
     line: Message,
     /// Newest settings by motor, for new pages.
@@ -115,7 +113,6 @@ impl Relay {
             since: now,
             connect_at: now,
             looked_at: now,
-            ticked_at: now,
             line,
             settings: BTreeMap::new(),
         }
@@ -385,11 +382,6 @@ impl Relay {
     /// Checks the page in control, reads the hub's state, and sends a frame. The caller calls this function every
     /// [`INTERVAL`].
     pub fn tick(&mut self) {
-        // While the tab of a relay without a server is hidden, nobody calls this function. The page then counts as a page
-        // that has not shown a frame of that time.
-        if self.ticked_at.elapsed() > SILENCE {
-            self.pages.sent(self.frame.number + 1, self.ticked_at);
-        }
         self.watch();
         if self.session.is_none() && Instant::now() >= self.connect_at {
             self.connect();
@@ -397,7 +389,6 @@ impl Relay {
         if let Err(error) = self.step() {
             self.handle_error(&error);
         }
-        self.ticked_at = Instant::now();
     }
 
     /// Reads the hub's state, sends a frame, and continues what runs: an update, an identification, a save, a scan, a

@@ -10,7 +10,6 @@
 mod hub_support;
 mod page;
 
-use dashboard::pages::SILENCE;
 use dashboard::proposal::catalogue_motor;
 use dashboard::{Opened, Place};
 use hub_support::{Hub, Memory, SLOT, Server, responder_at, started};
@@ -304,16 +303,6 @@ fn a_motor_is_enabled_by_a_set_point_only_if_the_set_point_is_accepted() {
     page.until("two enabled motors", |message| {
         message["motors"][0]["enabled"] == true && message["motors"][1]["enabled"] == true
     });
-}
-
-#[test]
-fn a_relay_that_is_not_called_for_a_second_as_in_a_hidden_tab_ends_control() {
-    let mut page = page_of(vec![Hub::new()]);
-    run_motor_0(&mut page);
-    page.frame();
-    std::thread::sleep(SILENCE + Duration::from_millis(100));
-    let notice = page.until("a notice", |message| message["motors_disabled"] == true);
-    assert_eq!(notice["text"], "all motors are disabled: the page in control showed no new values for 1 s");
 }
 
 #[test]

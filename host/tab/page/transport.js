@@ -5,6 +5,8 @@ import { elementById, h } from "./dom.js";
 
 /** The shortest interval between two frames, in milliseconds; screens paint every 16.7 ms or faster. */
 const FRAME_MS = 15;
+/** Time without a painting after which the page gives up control, in milliseconds. */
+const SILENCE_MS = 1000;
 /** Speed of a hub's serial line. */
 const BAUD = 460800;
 
@@ -95,10 +97,13 @@ export function connect(page) {
     return call(() => relay.start(serial));
   };
 
-  let last = 0;
+  let [last, painted] = [0, 0];
   let ticks = false;
   /** A tick before each painting: a tab that is hidden or closed sends nothing to its hub, which disables the motors. */
   function paint(/** @type {number} */ now) {
+    // The page in control must show new values at least every second.
+    if (relay && painted && now - painted > SILENCE_MS) send(JSON.stringify({ release: null }));
+    painted = now;
     if (relay && !ticks && now - last >= FRAME_MS) {
       [last, ticks] = [now, true];
       call(() => relay.tick()).then(() => { ticks = false; }, () => {});
@@ -125,9 +130,7 @@ export function connect(page) {
   if (button.disabled) button.title = "A hub on a serial port needs Chromium, Chrome or Edge, 137 or later";
   elementById("units").before(button);
 
-  load();
-  requestAnimationFrame(paint);
-  return (text) => {
+  const send = (/** @type {string} */ text) => {
     if (!relay) return false;
     call(() => {
       const order = new TextEncoder().encode(text);
@@ -136,4 +139,7 @@ export function connect(page) {
     });
     return true;
   };
+  load();
+  requestAnimationFrame(paint);
+  return send;
 }
