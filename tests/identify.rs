@@ -372,8 +372,20 @@ fn an_encoder_that_does_not_count_or_counts_backwards_is_refused() {
         })
     };
     refused(faulty(Cable::Reversed, 0), &[Refusal::Backwards], "reversed");
-    for from_ms in [0, 600, 1_000, 1_290, 2_000, 2_600] {
+    for from_ms in [0, 600, 1_000, 1_290, 2_000] {
         refused(faulty(Cable::Unplugged, from_ms), &[Refusal::NoCounts], &format!("unplugged at {from_ms}"));
+    }
+    refused(faulty(Cable::Unplugged, 2_600), &[Refusal::HeldAtLowVoltage], "unplugged at the low voltage");
+}
+
+#[test]
+fn a_motor_that_friction_holds_at_the_low_voltage_is_refused_for_this_reason() {
+    for name in ["AM 60 A", "AM 20 C", "AM 40 C"] {
+        for (friction, volts) in [(0.25, 12.6), (0.15, 8.0)] {
+            let battery = Battery { emf: Volts(volts), resistance: Ohms(0.05) };
+            let outcome = Setup { friction, battery, ..Setup::new(name) }.run();
+            refused(outcome, &[Refusal::HeldAtLowVoltage], &format!("{name}, {friction} at {volts} V"));
+        }
     }
 }
 

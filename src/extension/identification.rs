@@ -18,7 +18,8 @@ codes!(Refusal {
     9 = Spring,
     10 = PoorFit,
     11 = Inaccurate,
-    12 = Implausible
+    12 = Implausible,
+    13 = HeldAtLowVoltage
 });
 
 impl Field for Identification {

@@ -279,7 +279,9 @@ impl Excitation {
         {
             Err(Refusal::TooFar)
         } else if self.segments.still_ms() >= stalled_ms {
-            Err(Refusal::NoCounts)
+            // The motor has turned in the phases before the last one.
+            let last = self.phase + 1 == PHASES.len();
+            Err(if last { Refusal::HeldAtLowVoltage } else { Refusal::NoCounts })
         } else {
             Ok(())
         }

@@ -59,7 +59,8 @@ pub enum Refusal {
     Battery,
     /// The motor turned further than announced.
     TooFar,
-    /// No counts came: a stop holds the motor, the motor is jammed or too heavy, or the encoder is unplugged.
+    /// No counts came in the first two phases: a stop holds the motor, the motor is jammed or too heavy, or the encoder
+    /// is unplugged.
     NoCounts,
     /// The motor turned against the voltage: its encoder is reversed, or a load overpowers it.
     Backwards,
@@ -75,6 +76,8 @@ pub enum Refusal {
     /// A constant found is out of its range, or the back EMF is implausible. An implausible back EMF is below 0.7 times
     /// or above 8 times the configured back EMF, by more than two standard errors.
     Implausible,
+    /// The motor turned in the first two phases, but no counts came at the low voltage of the last phase.
+    HeldAtLowVoltage,
 }
 
 impl fmt::Display for Refusal {
@@ -84,7 +87,10 @@ impl fmt::Display for Refusal {
             Self::Interrupted => {
                 "a fault ended the identification: see the motor's faults (encoder, battery, bridge, heat), then repeat"
             }
-            Self::NotAtRest => "the motor was not at rest before the motion: wait until the motor stands",
+            Self::NotAtRest => {
+                "the motor was not at rest before the motion: wait until the motor stands, or remove a load that turns \
+                 it, such as a hanging weight"
+            }
             Self::TravelLimit => "the travel limit makes the motion too short: allow more travel",
             Self::Battery => "the battery is below 6 V or sags by more than 30 %: charge the battery",
             Self::TooFar => {
@@ -95,14 +101,22 @@ impl fmt::Display for Refusal {
             }
             Self::Backwards => "the motor turned against the voltage: a reversed encoder or an overpowering load",
             Self::Load => "a constant load drives the motor, as gravity does",
-            Self::Spring => "a spring drives the motor back: the load grows with the distance",
+            Self::Spring => {
+                "a spring drives the motor back, because the load grows with the distance; or the configured winding is \
+                 not this motor's"
+            }
             Self::PoorFit => {
                 "the motion does not fit a motor with inertia, drag and friction: an obstacle, a load that changes \
-                 with the position, or lost counts"
+                 with the position, backlash or a soft shaft before a heavy load, lost counts, or the configured \
+                 winding of another motor"
             }
             Self::Inaccurate => "the motion has too few counts for an error below 10 %",
             Self::Implausible => {
                 "a constant found is implausible: configure the right motor, or check its gear and encoder"
+            }
+            Self::HeldAtLowVoltage => {
+                "the motor turned at 65 % of the battery voltage, but not at 29 %: much friction, a constant load, a low \
+                 battery, or an encoder that was unplugged while the motor turned"
             }
         })
     }
