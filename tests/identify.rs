@@ -248,6 +248,15 @@ fn friction_and_back_emf_are_found_with_honest_errors() {
 }
 
 #[test]
+fn a_friction_that_may_be_noise_counts_as_none() {
+    let battery = Battery { emf: Volts(12.6), resistance: Ohms(0.05) };
+    for (name, inertia) in [("AM 20 B", 0.0), ("Core Hex-C", 3.0)] {
+        let setup = Setup { inertia, friction: 0.0, battery, ..Setup::new(name) };
+        assert_eq!(found(&setup.run()).dynamics.friction, Millivolts::new(0), "{name}");
+    }
+}
+
+#[test]
 fn what_a_short_motion_cannot_show_is_taken_as_configured() {
     // The motor has a time constant of 13 s, which is too long for the identification to measure the decay.
     let bench = Setup { inertia: 4.0, configured: (1.0, 0.9), ..Setup::new("Matrix C") };

@@ -23,6 +23,8 @@ const LARGEST_LOAD: Threshold = Threshold { battery_share: 0.02, standard_errors
 const LARGEST_SPRING: Threshold = Threshold { battery_share: 0.04, standard_errors: 5.0 };
 /// Largest standard error of a result, as a share of the result.
 const LARGEST_ERROR: f32 = 0.1;
+/// Friction in multiples of its standard error below which the friction is noise and counts as 0.
+const LEAST_FRICTION_ERRORS: f32 = 2.0;
 /// Least and largest plausible ratio of the back EMF found to the configured back EMF.
 const PLAUSIBLE_EMF_RATIO: (f32, f32) = (0.7, 8.0);
 
@@ -148,19 +150,21 @@ impl Regression {
         let emf_is_configured = ratio_error.is_nan() || ratio_error >= LARGEST_ERROR * ratio;
         let emf = if emf_is_configured { self.emf } else { ratio * self.emf };
         let volts = friction / b;
+        let volts_error = best.error([-volts / b, 0.0, 1.0 / b, 0.0, 0.0]);
+        let friction = if volts > LEAST_FRICTION_ERRORS * volts_error { volts } else { 0.0 };
         let implausible = |_| Refusal::Implausible;
         Ok(Identified {
             dynamics: Dynamics {
                 gain: AccelerationPerVolt::from_f64(b.into()).map_err(implausible)?,
                 decay: DecayRate::from_f64((b * emf).into()).map_err(implausible)?,
-                friction: Millivolts::from_volts(volts.max(0.0).into()).map_err(implausible)?,
+                friction: Millivolts::from_volts(friction.into()).map_err(implausible)?,
             },
             emf: EmfConstant::from_bits((emf * 1e3 * (1 << 20) as f32) as i32).map_err(implausible)?,
             emf_is_configured,
             gain_error: per_mille(gain_error),
             decay_error: per_mille(best.error(unit(DECAY)) / decay.abs()),
             emf_error: per_mille(ratio_error / ratio.abs()),
-            friction_error: Millivolts::new(per_mille(best.error([-volts / b, 0.0, 1.0 / b, 0.0, 0.0]))),
+            friction_error: Millivolts::new(per_mille(volts_error)),
             residual: per_mille(best.residual / self.fit.right_rms()),
         })
     }
