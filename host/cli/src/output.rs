@@ -20,6 +20,8 @@ pub(crate) enum Failure {
     Work(String),
     /// A hub does not answer, or refuses a request. `HubOptions::explain` adds the place of the hub to the message.
     Hub(Error),
+    /// The command received this signal, given by its name such as "Ctrl-C".
+    Stopped(&'static str),
     /// The reader of standard output, such as `head`, has closed it. No message is printed.
     OutputClosed,
 }
@@ -29,6 +31,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(text) | Self::Work(text) => f.write_str(text),
             Self::Hub(error) => error.fmt(f),
+            Self::Stopped(signal) => write!(f, "stopped by {signal}"),
             Self::OutputClosed => f.write_str("standard output is closed"),
         }
     }

@@ -1,7 +1,7 @@
 //! `motor-hub client servo`, `analog`, `digital` and `i2c`: commands to the devices of a hub other than motors.
 
 use super::hub::HubOptions;
-use super::interrupt;
+use super::interrupt::{self, CTRL_C};
 use super::readings::repeat;
 use crate::output::{Failure, print, print_as};
 use crate::parse::{byte_in, whole, within_a_day};
@@ -54,7 +54,8 @@ fn pins() -> impl Iterator<Item = Pin> {
 
 /// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives, a request
 /// fails, or the hub has switched the output off: `is_on` then returns false. The output is then released, also if the
-/// hub's answer to the request is lost, because the hub may have switched the output on.
+/// hub's answer to the request is lost, because the hub may have switched the output on. Without a `length`, Ctrl-C is no
+/// failure.
 fn keep_on(
     session: &mut Session,
     line: &str,
@@ -76,7 +77,11 @@ fn keep_on(
         check(session)
     });
     let released = switch(session, false);
-    kept?;
+    match kept {
+        // Without a duration, Ctrl-C is the usual end.
+        Err(Failure::Stopped(CTRL_C)) if length.is_none() => (),
+        kept => kept?,
+    }
     Ok(released?)
 }
 

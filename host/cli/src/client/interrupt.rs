@@ -15,9 +15,12 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
+/// Name of the signal by which a user ends a command.
+pub(super) const CTRL_C: &str = "Ctrl-C";
+
 /// Signals that end the program in good order, with their names for messages.
 pub(crate) const SIGNALS: &[(i32, &str)] = &[
-    (SIGINT, "Ctrl-C"),
+    (SIGINT, CTRL_C),
     (SIGTERM, "SIGTERM"),
     #[cfg(unix)]
     (SIGHUP, "SIGHUP: the terminal is gone"),
@@ -123,7 +126,7 @@ mod console {
 pub(super) fn wait(until: Instant) -> Result<(), Failure> {
     loop {
         if let Some(name) = RECEIVED_SIGNAL.get() {
-            return Err(Failure::Work(format!("stopped by {name}")));
+            return Err(Failure::Stopped(name));
         }
         let rest = until.saturating_duration_since(Instant::now());
         if rest.is_zero() {

@@ -196,6 +196,23 @@ fn keeping_on(hub: &Hub, arguments: &[&str]) -> Child {
 
 #[cfg(unix)]
 #[test]
+fn ctrl_c_is_no_failure_of_a_command_that_keeps_an_output_on_without_a_duration() {
+    let hub = Hub::served();
+    for (arguments, code, says) in [
+        (&["servo", "1", "1500"][..], 0, ""),
+        (&["digital", "5", "low"], 0, ""),
+        (&["servo", "1", "1500", "--for-s", "60"], 1, "error: stopped by Ctrl-C\n"),
+    ] {
+        let process = keeping_on(&hub, arguments);
+        common::signal(process.id(), "-INT");
+        let output = process.wait_with_output().unwrap();
+        assert_eq!((output.status.code(), &*err(&output)), (Some(code), says), "{arguments:?}");
+        assert_eq!(document(&hub, &["servo", "1"])["servos"][0]["enabled"], false);
+    }
+}
+
+#[cfg(unix)]
+#[test]
 fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_command() {
     let hub = Hub::served_with(&["--wire", "4,5"]);
     for (arguments, says) in [
