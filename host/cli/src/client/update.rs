@@ -38,6 +38,10 @@ Sign the SHA-512 of each image as raw bytes (llvm-objcopy -O binary hub.elf hub.
 An image may have a rollback version: a number in its bytes 32 to 35, lowest byte first. Such a hub refuses an image whose \
 number is lower than its firmware's.";
 
+/// Text for an update that a signal can no longer cancel.
+const GOES_ON: &str = "the update goes on without this command: the hub is exchanging the images, and answers again after some \
+                       20 s; look at its version with `client status` then";
+
 /// Interval between two steps while the hub writes.
 const WRITES: Duration = Duration::from_millis(20);
 /// Interval between two steps while the hub restarts.
@@ -88,7 +92,11 @@ impl Options {
         if now.is_err() {
             updating.abandon(session);
         }
-        print(&format!("before: {before}\nnow:    {}, confirmed\n", now?))
+        let now = now.map_err(|failure| match failure {
+            Failure::Stopped(_) if updating.restarts() => Failure::Work(format!("{failure}: {GOES_ON}")),
+            failure => failure,
+        })?;
+        print(&format!("before: {before}\nnow:    {now}, confirmed\n"))
     }
 }
 
