@@ -12,8 +12,8 @@ use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::{EncoderFault, OnFault, Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
-use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
-use motor_hub::units::{Control, EmfConstant, Millivolts};
+use motor_hub::regulator::identify::{Identification, Identified, Refusal, least_travel, travel};
+use motor_hub::units::{Control, EmfConstant, Millivolts, Period};
 use std::f64::consts::TAU;
 
 /// Friction and loads are shares of the stall torque at this voltage.
@@ -298,7 +298,10 @@ fn a_limit_shortens_the_motion_and_may_leave_too_little_of_it() {
     let outcome = bench.run();
     assert!(found(&outcome).gain_error < 50);
     assert!(outcome.travel.1 > 500, "{:?}", outcome.travel);
-    let outcome = Setup { limit: 300, ..bench }.run();
+    let least = least_travel(bench.settings().winding.emf, Millivolts::new(12_600), Period::DEFAULT);
+    let at = |limit| Setup { limit, period_ms: 50, ..bench }.run();
+    assert!(matches!(at(least).identification, Identification::Found(_)));
+    let outcome = at(least - 10);
     assert_eq!(outcome.identification, Identification::Refused(Refusal::TravelLimit));
     assert_eq!(outcome.travel, (0, 0));
 }

@@ -100,6 +100,19 @@ pub fn travel(emf: EmfConstant, battery: Millivolts, limit: u32) -> u32 {
     (full_travel(emf.to_volts(), battery.to_volts()) as u32).min(limit)
 }
 
+/// Least travel limit that is not refused, in counts. A hub that estimates another back EMF or measures another battery
+/// voltage may need a little more.
+pub fn least_travel(emf: EmfConstant, battery: Millivolts, period: Period) -> u32 {
+    let share = LEAST_SEGMENTS * shortest_segment_ms(period) / MOTION_MS;
+    (share * full_travel(emf.to_volts(), battery.to_volts())) as u32 + 1
+}
+
+/// Shortest duration of a segment: whole control periods, in ms.
+fn shortest_segment_ms(period: Period) -> f32 {
+    let period = period.as_millis();
+    (SEGMENT_MS / period * period).max(period) as f32
+}
+
 /// Largest travel in counts without a travel limit. `emf` is the back EMF constant in V per count/s, and `battery` is
 /// in V.
 fn full_travel(emf: f32, battery: f32) -> f32 {
@@ -220,8 +233,7 @@ impl Excitation {
     ) -> Result<Self, Identification> {
         let full = full_travel(emf, battery);
         let announced_travel = full.min(limit as f32);
-        let period = period.as_millis();
-        let segment_ms = (SEGMENT_MS / period * period).max(period) as f32;
+        let segment_ms = shortest_segment_ms(period);
         let scale = announced_travel / full;
         if battery < LEAST_VOLTS {
             return Err(Identification::Refused(Refusal::Battery));

@@ -4,15 +4,15 @@ use super::drive::{INTERVAL, READINGS_PER_LINE};
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::{Live, repeat};
-use crate::output::{Failure, print, print_json};
+use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
-use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::Acceleration;
+use motor_hub::regulator::identify::{Identification, Identified, Refusal, least_travel};
+use motor_hub::units::{Acceleration, Millivolts, Period};
 use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
 use serde_json::{Value, json};
@@ -50,6 +50,50 @@ pub(crate) struct Options {
     json: bool,
 }
 
+/// Inertia of a motor with its load, in inertias of the bare motor, below which the motor is probably of another type.
+/// Measured bare motors have at least 0.76 times the inertia of the motor of the catalogue with the name under which
+/// they are sold (a NeveRest 20-B).
+const LEAST_INERTIA: f64 = 0.7;
+/// Back EMF with drag, divided by that of the motor of the catalogue, above which the motor is probably of another type.
+/// Of the 17 measured motors, 15 have at most 1.2 times the value of the name under which they are sold. Two NeveRest 40
+/// with much drag have 2.0 and 5.1 times this value.
+const LARGEST_EMF: f64 = 1.5;
+
+/// Returns why a motor is probably not the configured motor of the catalogue; `None` if it may be this motor.
+pub(super) fn wrong_type(configured: Option<&(Motor, Dynamics)>, found: &Identified) -> Option<String> {
+    let (motor, bare) = configured?;
+    let inertia = inertia_ratio(bare, &found.dynamics);
+    let emf = found.emf.to_millivolt_seconds() * f64::from(bare.gain.to_f32())
+        / (1e3 * f64::from(bare.decay.to_f32()));
+    let why = if inertia < LEAST_INERTIA {
+        format!("the motor with its load has {inertia:.2} times the inertia of the bare one")
+    } else if !found.emf_is_configured && emf > LARGEST_EMF {
+        format!("back EMF and drag are {emf:.1} times those of the catalogue, unless the motor drags much")
+    } else {
+        return None;
+    };
+    Some(format!("probably not a {}: {why}; give the right --type to `setup` or `tune`", motor.name))
+}
+
+/// Prints a warning on standard error.
+pub(super) fn warn_of(why: Option<&str>) {
+    if let Some(why) = why {
+        print_error_line(&format!("warning: {why}"));
+    }
+}
+
+/// Returns why a motor was not identified, and for too little travel how much is needed.
+pub(super) fn reason(outcome: Identification, of: &MotorSettings, battery: Millivolts) -> String {
+    let words = words(outcome);
+    if outcome == Identification::Refused(Refusal::TravelLimit) {
+        // A hub does not report its control period, which is 50 ms unless its image was built for another one.
+        let counts = least_travel(of.motor.winding.emf, battery, Period::DEFAULT);
+        // 5 % more, because the battery voltage may be higher at the next attempt.
+        return format!("{words}, at least {} counts (--travel-counts)", counts + counts / 20);
+    }
+    words
+}
+
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let session = &mut hub.open(self.motor.hub)?;
@@ -61,13 +105,15 @@ impl Options {
                 let more = json!({ "motor": motor, "applied": false });
                 print_json(&with_fields(identify::json(outcome), more))?;
             }
-            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))));
+            let why = reason(outcome, &before, battery);
+            return Err(Failure::Work(format!("motor {motor} was not identified: {why}")));
         };
         let proposed = proposal(&before, &found.dynamics, battery);
         if self.apply {
             session.set_up(motor, &proposed)?;
         }
         let catalogue = catalogue_motor(&before.motor);
+        warn_of(wrong_type(catalogue.as_ref(), &found).as_deref());
         if self.json {
             return print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed));
         }
@@ -117,6 +163,7 @@ impl Options {
             "motor": self.motor.number,
             "catalogue": bare.map(|(motor, _)| motor.name),
             "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
+            "warning": wrong_type(bare, found),
             "now": motion_json(before),
             "proposed": motion_json(after),
             "applied": self.apply,

@@ -2,14 +2,16 @@
 
 use super::hub::HubOptions;
 use super::{identify, settings, setup};
-use crate::output::{Failure, print, print_json};
+use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
+use motor_hub::braking::Winding;
 use motor_hub::model::catalogue::characterised;
+use motor_hub::motor::Settings;
 use motor_hub::regulator::identify::Identification;
 use serde_json::json;
-use studies::identify::words;
-use studies::table;
+use studies::identify::found_table;
+use studies::{table, with_fields};
 
 /// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
 ///
@@ -22,7 +24,10 @@ use studies::table;
 /// reset.
 ///
 /// If the motor is not identified, for example because a constant load pulls at the motor, its set-up stays in force.
-/// The hub then learns the acceleration per volt while the motor works. Nothing is stored, and the exit code is 1.
+/// The hub then learns the acceleration per volt while the motor works, unless earlier constants or coefficients are
+/// still in force. Nothing is stored, and the exit code is 1.
+///
+/// A warning on standard error says if the result is implausible for the configured motor. The exit code stays 0.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
@@ -58,31 +63,42 @@ impl Options {
         }
         let (before, battery) = (session.settings(number)?, session.battery()?);
         let catalogue = catalogue_motor(&before.motor);
+        if self.name.is_none()
+            && before.motor.winding == Winding::NEVEREST_60
+            && before.motor.thermal.is_none()
+        {
+            print_error_line("note: no --type given, and a hub that was never set up assumes a NeveRest 60");
+        }
         let outcome = identify::identify(session, number, self.travel, !self.json)?;
-        let (mut tuned, mut times, mut saved) = (before, None, Ok(false));
+        let (mut tuned, mut times, mut saved, mut warning) = (before, None, Ok(false), None);
         if let Identification::Found(found) = outcome {
             tuned = proposal(&before, &found.dynamics, battery);
             if !self.gentle {
                 tuned.motor.acceleration = None;
             }
             session.set_up(number, &tuned)?;
+            warning = identify::wrong_type(catalogue.as_ref(), &found);
             times = catalogue.as_ref().map(|(_, bare)| inertia_ratio(bare, &found.dynamics));
             if self.save {
                 saved = settings::saved(session).map(|_| true);
             }
         }
         let name = catalogue.as_ref().map(|(motor, _)| motor.name);
-        let outcome_words = words(outcome);
         if self.json {
-            print_json(&json!({
+            let more = json!({
                 "motor": number,
                 "catalogue": name,
-                "outcome": outcome_words,
                 "inertia_to_bare_motor": times,
                 "motion": identify::motion_json(&tuned),
                 "saved": matches!(saved, Ok(true)),
-            }))?;
+                "warning": warning,
+            });
+            print_json(&with_fields(studies::identify::json(outcome), more))?;
         } else {
+            if let Identification::Found(found) = outcome {
+                let beside = catalogue.as_ref().map(|(motor, bare)| (motor.name, bare));
+                print(&format!("{}\n", found_table(&format!("motor {number}"), &found, beside)))?;
+            }
             let mut table = table::new(&["motor", &number.to_string()], 1);
             table.add_row(["motor of the catalogue", name.unwrap_or("none with these constants")]);
             if let Some(times) = times {
@@ -98,13 +114,26 @@ impl Options {
             table.add_row(["settings", until]);
             print(&format!("{table}\n"))?;
         }
+        identify::warn_of(warning.as_deref());
         saved?;
         match outcome {
             Identification::Found(_) => Ok(()),
             _ => Err(Failure::Work(format!(
-                "motor {number} was not identified: {outcome_words}; its set-up is in force, and the hub learns while the \
-                 motor works"
+                "motor {number} was not identified: {}; {}",
+                identify::reason(outcome, &before, battery),
+                in_force(&before.motor)
             ))),
         }
+    }
+}
+
+/// Returns what a motor that was not identified is regulated by.
+const fn in_force(settings: &Settings) -> &'static str {
+    match settings {
+        Settings { coefficients: Some(_), .. } => "the coefficients that a host has set stay in force",
+        Settings { dynamics: Some(_), .. } => {
+            "acceleration per volt, decay and friction that were configured before stay in force"
+        }
+        _ => "its set-up is in force, and the hub learns while the motor works",
     }
 }

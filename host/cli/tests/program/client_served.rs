@@ -518,6 +518,25 @@ fn tune_configures_identifies_and_stores_a_motor() {
 }
 
 #[test]
+fn tune_warns_of_a_wrong_type_and_says_what_a_hub_assumes_without_a_type() {
+    let text = "name = \"a\"\nduration_s = 10\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n[[motors]]\n\
+                label = \"a\"\nmotor = \"NeveRest 60\"\nconfigured = \"nothing\"\n";
+    let hub = Hub::served_with(&["--scenario", &write(&folder("tune-type"), "a.toml", text)]);
+    let told = client(&hub, &["tune", "0"]);
+    assert_eq!(err(&told), "note: no --type given, and a hub that was never set up assumes a NeveRest 60\n");
+    // The back EMF found is shown beside that of the catalogue, with its standard error.
+    let shown = out(&told);
+    assert!(shown.contains("back EMF and drag") && shown.contains("off by"), "{shown}");
+    let refused = client(&hub, &["tune", "0", "--travel-counts", "300"]);
+    fails(&refused, 1, "allow more travel, at least 7");
+    fails(&refused, 1, "acceleration per volt, decay and friction that were configured before stay in force");
+    let other = client(&hub, &["tune", "0", "--type", "Matrix 12 V", "--json"]);
+    let warning = json(&other)["warning"].as_str().expect("a warning").to_owned();
+    assert!(warning.starts_with("probably not a Matrix 12 V: "), "{warning}");
+    assert_eq!(err(&other), format!("warning: {warning}\n"));
+}
+
+#[test]
 #[ignore = "long: cargo xtask long"]
 fn a_motor_is_tuned_by_one_command_and_gently_if_asked() {
     let hub = Hub::served();
