@@ -3,7 +3,7 @@
 //! ```
 //! use motor_hub::protocol::Nack;
 //!
-//! assert_eq!(Nack::BATTERY_LOW.to_string(), "battery too low (NACK 52)");
+//! assert_eq!(Nack::BATTERY_LOW.to_string(), "battery unknown, below 7 V, or not at 7.5 V again (NACK 52)");
 //! assert_eq!(Nack::parameter(1), Nack(1));
 //! ```
 
@@ -44,7 +44,7 @@ reasons! {{
     I2C_OTHER_TRANSFER = 43 "the last I2C transfer was of the other kind",
     NOT_CONFIGURED = 50 "no target set for this mode",
     WRONG_MODE = 51 "not possible in the motor's present mode, or the motor is not enabled",
-    BATTERY_LOW = 52 "battery too low",
+    BATTERY_LOW = 52 "battery unknown, below 7 V, or not at 7.5 V again",
     MOTOR_ENABLED = 60 "a motor is enabled",
     STORE_BUSY = 61 "settings are being stored or read",
     STORE_LATER = 62 "the stored settings are a later firmware's",

@@ -221,7 +221,7 @@ fn the_reason_of_a_refusal_is_shown() {
     hub.snapshot.draw_stage = DrawStage::Derated;
     let server = Server::start(hub);
     let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
-    fails(&output, 1, "enable motor 0: battery too low (NACK 52)");
+    fails(&output, 1, "enable motor 0: battery unknown, below 7 V, or not at 7.5 V again (NACK 52)");
     fails(&output, 1, &server.address);
 }
 
