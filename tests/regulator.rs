@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    Bench, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor, neverest_60, plant,
-    position, unknown, velocity,
+    BATTERY, Bench, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor, neverest_60,
+    plant, position, unknown, velocity,
 };
 use motor_hub::braking::Winding;
 use motor_hub::model::catalogue::Motor;
@@ -232,6 +232,80 @@ fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_spee
                 assert!(percent <= 2.0, "{name}, {period_ms} ms, {cps} counts/s: {percent:.1} %");
             }
         }
+    }
+}
+
+/// Highest true speed in counts/s within a time in ms.
+fn fastest(bench: &mut Bench<1>, ms: u32) -> f64 {
+    let speeds = (0..ms).map(|_| {
+        bench.run_ms(1);
+        bench.speed(0).abs()
+    });
+    speeds.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_motor_with_too_much_inertia_configured_rests_at_its_position_and_at_speed_0() {
+    let mut bad = Vec::new();
+    for name in ["AM 3.7 A", "AM 20 A", "AM 60 A"] {
+        let motor = motor(name);
+        for (factor, period_ms) in [(2.0, 5), (2.0, 50), (3.0, 5), (3.0, 50), (3.0, 100)] {
+            let settings = with_inertia(configured(&motor, &Load::NONE), factor);
+            let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
+            let cps = (0.3 * free_cps(&motor)) as i32;
+            for (what, setpoint) in [("position", position(cps, 5, 2 * cps)), ("speed 0", velocity(0))] {
+                bench.set(0, velocity(cps));
+                bench.run_ms(1_000);
+                bench.set(0, setpoint);
+                bench.run_ms(4_000);
+                let speed = fastest(&mut bench, 1_000);
+                if speed > 40.0 {
+                    bad.push(format!(
+                        "{name}, inertia x{factor}, {period_ms} ms, {what}: {speed:.0} counts/s"
+                    ));
+                }
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+}
+
+#[test]
+fn an_unknown_motor_that_friction_holds_is_not_thrown_by_a_slow_speed_or_a_small_move() {
+    let mut bad = Vec::new();
+    for name in ["AM 20 A", "AM 20 B", "AM 60 A"] {
+        let motor = motor(name);
+        let stall = motor.kt.0 * BATTERY / motor.r.0;
+        let friction = Friction::with_coulomb(NewtonMetres(0.08 * stall));
+        for period_ms in [10, 50, 100] {
+            let mut bench =
+                Bench::one(unknown(&motor), plant(Motor { friction, ..motor }, Load::NONE), period_ms);
+            bench.set(0, velocity(10));
+            let crawl = fastest(&mut bench, 6_000);
+            bench.set(0, position(40, 3, 1_000));
+            bench.run_ms(3_000);
+            bench.set(0, position(38, 3, 1_000));
+            let back = fastest(&mut bench, 3_000);
+            if crawl > 150.0 || back > 100.0 {
+                bad.push(format!("{name}, {period_ms} ms: {crawl:.0} and {back:.0} counts/s"));
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+}
+
+#[test]
+fn the_first_move_of_an_unknown_heavy_motor_goes_at_most_a_tenth_too_far() {
+    let motor = neverest_60();
+    for period_ms in [10, 50] {
+        let mut bench = Bench::one(unknown(&motor), plant(motor, inertia(1.5)), period_ms);
+        bench.set(0, position(3_000, 5, 100_000));
+        let mut farthest: f64 = 0.0;
+        for _ in 0..15_000 {
+            bench.run_ms(1);
+            farthest = farthest.max(bench.counts(0));
+        }
+        assert!(farthest < 3_300.0, "{period_ms} ms: {farthest} counts");
     }
 }
 

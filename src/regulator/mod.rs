@@ -49,6 +49,11 @@ use swings::Swings;
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
+/// Age of the last edge, in us, from which on a motor that should have sent [`UNCERTAIN_COUNTS`] since may be blocked by a
+/// stop. Samples without a count then do not update the gain.
+const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
+/// Counts due at the requested speed, see [`UNCERTAIN_EDGE_MICROS`].
+const UNCERTAIN_COUNTS: f32 = 8.0;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
@@ -289,7 +294,11 @@ impl Regulator {
             && let Some(estimate) = &mut self.gain_estimate
         {
             // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
-            let uncertain = self.stalled_ms >= STALLED_MS || should_stand;
+            let silence_us = reading.at.since(reading.edge_at);
+            let missed_counts = self.requested.to_f32().abs() * silence_us as f32 * 1e-6;
+            let uncertain = self.stalled_ms >= STALLED_MS
+                || should_stand
+                || silence_us >= UNCERTAIN_EDGE_MICROS && missed_counts >= UNCERTAIN_COUNTS;
             // A load that swings the speed would teach a wrong gain.
             let swings = self.gain_ratio > 1.0;
             let learns = !swings && (moved != 0 || !uncertain);

@@ -171,7 +171,11 @@ impl Law {
             // A motor that lags at full voltage may have learned a wrong acceleration, and would not catch up.
             f32::INFINITY
         } else {
-            at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full)
+            // An unknown motor that accelerates less than expected has a load or a large inertia. A load would help to
+            // brake, but a motor with a large inertia also brakes less than expected.
+            let load = side * observer.load();
+            let load = if context.settings.dynamics.is_none() { load.abs() } else { load };
+            at_least(PLANNED_SHARE * (full - load), LEAST_PLANNED_SHARE * full)
         };
         let deceleration =
             acceleration_limit(context).map_or(deceleration, |limit| at_most(deceleration, limit));
