@@ -55,6 +55,10 @@ impl Swings {
     pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> bool {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - wanted;
+        let side = if error > 0.0 { 1 } else { -1 };
+        if side == self.side {
+            return false;
+        }
         let (share, least) = match demand {
             Demand::Velocity(_) => (Self::LEAST_ERROR_SHARE, Self::LEAST_ERROR_CPS),
             Demand::Position { .. } | Demand::Follow(_) => {
@@ -62,8 +66,7 @@ impl Swings {
             }
         };
         let limit = at_least(share * wanted.abs(), least);
-        let side = if error > 0.0 { 1 } else { -1 };
-        if error.abs() <= limit || side == self.side {
+        if error.abs() <= limit {
             return false;
         }
         let short = self.side != 0 && self.age_ms <= Self::SHORT_HALF_SWING_MS.max(4 * period_ms);
