@@ -66,8 +66,8 @@ const EXCITATION_S: f32 = 0.3;
 const LEAST_CHANGE: f32 = 0.05;
 /// Largest factor by which the gain changes in a control tick, and the reciprocal of the smallest factor.
 const LARGEST_STEP: f32 = 2.7;
-/// Least gain that samples without a count may teach, as a share of the gain at the last count. A shaft that friction
-/// or a stop holds does not follow the voltage, as a motor without gain would not.
+/// Samples without a count teach only while the gain in use is above this share of the gain at the last count. A shaft
+/// that friction or a stop holds looks like a motor with a very small gain.
 const LEAST_SILENT_SHARE: f32 = 0.125;
 /// Variance of theta below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;

@@ -1,19 +1,21 @@
-//! Detects a speed that *swings* about its set-point for longer than the regulator needs to settle.
+//! Detects a speed that *swings* about the speed that the motor should have, for longer than the regulator needs to
+//! settle. (A speed that *hunts* has another cause, a back EMF constant that is too high: see `hunting.rs`.)
 //!
-//! Such a motor gains more speed per volt than its configured acceleration per volt says. With less than about half
-//! of the true value, the law turns each error of the speed into an error of the other sign, and the swing does not end:
+//! The cause of swings is an acceleration per volt in use, configured or estimated, that is lower than the motor's true
+//! value. The law then corrects too much: with less than about half of the true value each error becomes an error of the
+//! other sign that is as large, and the swing does not end:
 //!
 //! ```text
-//!   speed         .            .
-//!   + limit ....:..:.........:..:........
-//!   set-point  :    :       :    :
-//!   - limit ..:......:.....:......:......
-//!            '        ' . '        ' . '
-//!              |------------|------------|     half swings: from beyond one limit to beyond the other
+//!   speed        .            .
+//!   + limit ....: :..........: :.........
+//!   wanted     :   :        :   :
+//!   - limit ..:.....:......:.....:.......
+//!            '       '....'       '...
+//!               |------|----|-----|         half swings: from beyond one limit to beyond the other
 //! ```
 //!
-//! A short half swing that follows several short half swings shows that the swing lasts. A longer half swing has another
-//! cause, for example a load or friction, and the count begins again.
+//! The fourth short half swing in a row, and each further one, shows that the swing lasts. A longer half swing begins the
+//! count again: a slow load or friction causes such swings.
 
 use super::Demand;
 use crate::units::single::at_least;
@@ -29,14 +31,14 @@ pub(super) struct Swings {
     half_swings: u8,
 }
 
-/// Limits of the detector. The values are from random scenarios of `survey` with two seeds: see decision 30.
+/// Limits of the detector. `docs/decisions/0030-a-speed-that-swings.md` has the figures behind the values.
 impl Swings {
     /// Least error of the speed that counts as a swing, as a share of the set-point.
     const LEAST_ERROR_SHARE: f32 = 0.008;
     /// Least error of a demanded speed that counts as a swing, in counts/s.
     const LEAST_ERROR_CPS: f32 = 0.8;
-    /// Least error of the speed on the way to a position, as a share of the planned speed. With a gain that is raised by
-    /// mistake a motor brakes too late for its position.
+    /// Least error of the speed on the way to a position, as a share of the planned speed. It is larger than for a demanded
+    /// speed: a gain that is raised by mistake also raises the planned deceleration, and the motor overshoots its target.
     const LEAST_POSITION_ERROR_SHARE: f32 = 0.1;
     /// Least error of the speed on the way to a position, or while the motor holds it, in counts/s. A motor that holds its
     /// position may move by a count, and its speed is then estimated too high.
@@ -44,14 +46,14 @@ impl Swings {
     /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to four ticks is
     /// short too.
     const SHORT_HALF_SWING_MS: u16 = 150;
-    /// Number of short half swings in a row after which each further one shows that the speed swings.
+    /// Number of short half swings in a row that do not show yet that the speed swings.
     const MOST_HALF_SWINGS: u8 = 3;
 }
 
 impl Swings {
-    /// Takes a tick of a motor whose demand is unchanged since the last tick. `speed` is the estimated speed, and `wanted`
-    /// the speed that the motor should have, both in counts/s. Returns true at the end of a half swing that shows that the
-    /// speed swings.
+    /// Updates the detector at a control tick. The caller resets the detector when the demand changes. `speed` is the
+    /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns true if a half swing
+    /// ends that shows that the speed swings.
     pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> bool {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - wanted;

@@ -2,7 +2,7 @@
 //! global interpreter lock while they wait.
 //!
 //! `motor_hub/__init__.py` calls these functions in a thread, and offers them as an asyncio interface. Numbers arrive
-//! from Python as [`Whole`] or `f64`: a number out of range raises a `ValueError` that names the value and the range.
+//! from Python as `Whole` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
 
 mod reading;
 
