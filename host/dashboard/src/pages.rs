@@ -95,7 +95,7 @@ impl Pages {
         was
     }
 
-    /// Ends the control of a page that is gone. Another page gets control only when its user takes it.
+    /// Ends the control of a page that is gone. An open page gets control only when its user takes it.
     fn loses(&mut self, id: u32) -> bool {
         let was = self.controller == Some(id);
         if was {
@@ -130,7 +130,7 @@ impl Pages {
         }
     }
 
-    /// Notes that a page has shown a frame. Numbers that were not sent recently are ignored.
+    /// Notes that a page has shown a frame, or has received one while it is hidden. Numbers that were not sent recently are ignored.
     pub fn shown(&mut self, id: u32, number: u64) {
         let at = self.sent.iter().rev().find(|(sent, _)| *sent == number).map(|(_, at)| *at);
         if let (Some(page), Some(at)) = (self.pages.get_mut(&id), at) {

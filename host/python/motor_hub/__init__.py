@@ -206,18 +206,19 @@ def _served() -> list[str]:
 class Hub:
     """A hub with its motors: ``hub[0]`` to ``hub[3]``. Open it by ``connect``.
 
-    A ``with`` block of the hub closes it, as ``close`` does. A hub without a reference is closed too.
+    A ``with`` block of the hub closes it, as ``close`` does. A hub is also closed when Python deletes it.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        # All requests run in this one thread, in the order of the calls. The event loop's own threads can be busy with other
-        # work for so long that the hub would get no keep-alive.
+        # Requests that are awaited run in this one thread, in the order of the calls. The event loop's own threads can be
+        # busy with other work for so long that the hub would get no keep-alive. Enabling, disabling and closing block the
+        # caller instead.
         self._thread = ThreadPoolExecutor(1)
         self._enabled: set[int] = set()
         # Motors whose blocks have not ended yet since ``stop`` was called.
         self._stopped: set[int] = set()
-        # The motion that each motor was last commanded. Each command is a motion of its own.
+        # A token for each motor's newest command. It shows whether another command has replaced a motion.
         self._motions: dict[int, object] = {}
 
     def __enter__(self) -> Hub:
@@ -539,7 +540,7 @@ class Base:
         hub = self._hub
         what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
         arguments = (hub._link.drive, self._end, turns, by, speed, acceleration)
-        # The acceleration of the wheel with more counts, in counts/s².
+        # Of the wheel with more counts per turn.
         counts_per_mm = max(map(abs, self.counts_per_turn)) / (math.pi * self.wheel_diameter_mm)
         self._end = await hub._move(self.wheels, acceleration * counts_per_mm, timeout, what, *arguments)
 
@@ -576,7 +577,7 @@ class Motor:
     async def settled(self, timeout: float | None = None) -> None:
         """Waits until the motor has settled at its position, or has kept its velocity for 0.2 s.
 
-        A velocity is kept within 2 % of the set-point, and always within 5 counts/s.
+        A velocity is kept while its error is at most 2 % of the set-point or 5 counts/s, whichever is more.
 
         Raises ``HubError`` if a fault stops the motor, and at a constant power or current, which never settles. Raises
         ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
