@@ -43,6 +43,12 @@ fn a_load_whose_encoder_is_unplugged_runs_away_from_a_motor_that_coasts_and_sink
     // mN m. The rest needs 0.75 A at 17.8 mN m/A. This current needs 2.55 V at 3.4 ohm, which is the back EMF at 144
     // rad/s. With 28 counts per turn the speed is 640 counts/s.
     assert!((braking.speed(0) - 640.0).abs() < 10.0, "{}", braking.speed(0));
+
+    // Disabling ends the braking.
+    let mut disabled = braking;
+    disabled.set(0, Setpoint::Disabled);
+    let [report] = disabled.tick().motors;
+    assert_eq!((report.drive, report.faults.encoder), (Drive::COAST, None));
 }
 
 #[test]

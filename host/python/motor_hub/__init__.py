@@ -212,8 +212,8 @@ class Hub:
     def __init__(self, link: Link) -> None:
         self._link = link
         # Requests that are awaited run in this one thread, in the order of the calls. The event loop's own threads can be
-        # busy with other work for so long that the hub would get no keep-alive. Enabling, disabling and closing block the
-        # caller instead.
+        # busy with other work for so long that the hub would get no keep-alive. Enabling, disabling, stopping and closing
+        # block the caller instead.
         self._thread = ThreadPoolExecutor(1)
         self._enabled: set[int] = set()
         # Motors whose blocks have not ended yet since ``stop`` was called.
@@ -308,7 +308,8 @@ class Hub:
     async def stop(self) -> None:
         """Disables all motors of the hub until the end of their blocks: commands raise ``HubError``."""
         self._stopped |= self._enabled
-        await self._call(self._link.fail_safe)
+        # Not in the hub's thread, where other requests may wait.
+        self._link.fail_safe()
 
     async def save(self) -> None:
         """Stores the settings in force, so that they outlast a reset of the hub."""
@@ -348,7 +349,7 @@ class Hub:
     ) -> _T:
         """Starts a motion of a group by a call, and returns the result of the call once all members have settled.
 
-        ``acceleration`` in counts/s² is that of the stop after a time-out or a cancellation.
+        ``acceleration`` in counts/s² is that of the stop after a time-out, a cancellation or an answer that is missing.
         """
         _check_timeout(timeout)
         await self._check(*members)
@@ -369,15 +370,23 @@ class Hub:
         try:
             result: _T = await self._call(self._start, members, motion, call, *arguments)
             await _until(settled, timeout, failure)
-        except (TimeoutError, asyncio.CancelledError):
+        except asyncio.CancelledError:
             # The thread may still be about to start the motion. The stop follows in the same thread.
             self._thread.submit(stop)
+            raise
+        except (TimeoutError, Unreachable):
+            await self._call(stop)
             raise
         return result
 
     def _start(self, members: tuple[int, ...], motion: object, call: Callable[..., _T], *arguments: Any) -> _T:
         """Makes a call that starts a motion. Runs in the hub's thread."""
-        result = call(*arguments)
+        try:
+            result = call(*arguments)
+        except Unreachable:
+            # The hub may have received the command.
+            self._motions.update(dict.fromkeys(members, motion))
+            raise
         self._motions.update(dict.fromkeys(members, motion))
         return result
 

@@ -159,7 +159,7 @@ const NOT_REPORTED: &str = "not reported";
 fn bus_words(bus: BusReport) -> String {
     let meaning = bus_text(bus.state);
     let [returned, dissipated] = [bus.returned_mj, bus.dissipated_mj].map(|mj| f64::from(mj) / 1e3);
-    let volts = volts_text(bus.measured.and_then(volts), 3);
+    let volts = volts_text(bus.measured.map(|mv| f64::from(mv.get()) / 1e3), 3);
     format!("{volts}: {meaning}\n{returned:.1} J returned by braking motors, {dissipated:.1} J dissipated")
 }
 
