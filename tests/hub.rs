@@ -2,15 +2,11 @@
 
 mod common;
 
-use common::{BATTERY, Bench, ScriptedMotor, free_cps, neverest_60, plant, position, velocity};
+use common::{Bench, ScriptedMotor, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::group::{Course, GroupCommand};
 use motor_hub::hub::{Command, Hub, Snapshot};
-use motor_hub::model::catalogue;
-use motor_hub::model::friction::Friction;
-use motor_hub::model::load::Load;
-use motor_hub::model::si::NewtonMetres;
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
@@ -112,24 +108,6 @@ fn zero_power_and_velocity_zero_brake_or_float_as_the_motor_is_set() {
         assert_eq!(motors[1].drive == Drive::COAST, drive == Drive::COAST);
         assert_eq!(motors[1].regime.is_none(), drive == Drive::COAST);
     }
-}
-
-#[test]
-fn pid_that_begins_while_the_motor_coasts_does_not_take_friction_for_a_load() {
-    // By the rule of hosts: F gives the fastest speed, P is F / 10, and I is P / 10.
-    let f = 32_767.0 / free_cps(&neverest_60()) * 65_536.0;
-    let [f, p, i] = [f, 0.1 * f, 0.01 * f].map(|bits| Coefficient::from_bits(bits as i32));
-    let motor = neverest_60();
-    let friction = Friction::with_coulomb(NewtonMetres(0.06 * motor.kt.0 * BATTERY / motor.r.0));
-    let settings = with_velocity(Pidf { p, i, f, ..Pidf::default() });
-    let mut bench = Bench::one(settings, plant(catalogue::Motor { friction, ..motor }, Load::NONE), 50);
-    bench.set(0, velocity(1_500));
-    bench.run_ms(3_000);
-    bench.set(0, Setpoint::Disabled);
-    bench.run_ms(200);
-    bench.set(0, velocity(0));
-    bench.run_ms(2_000);
-    assert!(bench.report().current.get().abs() < 30, "{:?}", bench.report().current);
 }
 
 #[test]

@@ -49,10 +49,10 @@ use swings::Swings;
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
-/// If the last edge is older than this, in us, and [`UNCERTAIN_COUNTS`] were due since, a stop may block the motor. Samples
+/// If the last edge is older than this, in us, and counts are due at the requested speed, a stop may block the motor. Samples
 /// without a count then do not update the gain.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
-/// Counts due at the requested speed, see [`UNCERTAIN_EDGE_MICROS`].
+/// Counts that are due since the last edge below [`COUNTS_DUE_SPEED`], see [`UNCERTAIN_EDGE_MICROS`].
 const UNCERTAIN_COUNTS: f32 = 8.0;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
@@ -66,9 +66,10 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 /// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
 /// `swings.rs`.
 const GAIN_STEP: f32 = 1.4;
-/// Largest product of these factors for one demand. The estimate of an unknown motor is raised by five whole factors, 5.4
-/// times.
+/// Largest product of these factors for one demand.
 const LARGEST_GAIN_RATIO: f32 = 4.0;
+/// Factor by which the estimate of an unknown motor is then raised: five times [`GAIN_STEP`].
+const LARGEST_RAISE: f32 = 5.4;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
@@ -299,7 +300,8 @@ impl Regulator {
             let missed_counts = self.requested.to_f32().abs() * silence_us as f32 * 1e-6;
             let uncertain = self.stalled_ms >= STALLED_MS
                 || should_stand
-                || silence_us >= UNCERTAIN_EDGE_MICROS && missed_counts >= UNCERTAIN_COUNTS;
+                || silence_us >= UNCERTAIN_EDGE_MICROS
+                    && (counts_due(self.requested) || missed_counts >= UNCERTAIN_COUNTS);
             // A load that swings the speed would teach a wrong gain.
             let swings = self.gain_ratio > 1.0;
             let learns = !swings && (moved != 0 || !uncertain);
@@ -480,7 +482,7 @@ impl Regulator {
             }
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
-                let (gain, start) = (self.plant.b, self.start_voltage(demand, velocity));
+                let (gain, start) = (self.plant.b, self.start_voltage(velocity));
                 let inputs = loops::Inputs { coefficients, position, velocity, gain, start };
                 self.loops.step(demand, &inputs, context)
             }
@@ -539,12 +541,21 @@ impl Regulator {
         if is_new {
             self.swings = Swings::default();
             gain_ratio = 1.0;
-        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16)
-            && gain_ratio < LARGEST_GAIN_RATIO
-        {
-            gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
+        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
+            let mut factor = 1.0;
+            if gain_ratio < LARGEST_GAIN_RATIO {
+                factor = GAIN_STEP;
+                gain_ratio = at_most(factor * gain_ratio, LARGEST_GAIN_RATIO);
+                if gain_ratio == LARGEST_GAIN_RATIO {
+                    self.swings = Swings::default();
+                }
+            } else if matches!(demand, Demand::Position { .. }) {
+                // The swing of a held position has another cause, for example a load that swings.
+                (factor, gain_ratio) = (1.0 / LARGEST_RAISE, 1.0);
+                self.swings = Swings::NONE_COUNT;
+            }
             if let Some(estimate) = &mut self.gain_estimate {
-                estimate.raise(GAIN_STEP);
+                estimate.raise(factor);
             }
         }
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
@@ -555,24 +566,16 @@ impl Regulator {
         output
     }
 
-    /// The voltage with which the velocity loop of PID begins; `None` if the loop already runs. If the motor is to stop or
-    /// to reverse, a load that resists the motion is not balanced: it may be friction, which ends with the motion.
-    fn start_voltage(&self, demand: Demand, velocity: CountsPerSecond) -> Option<Voltage> {
+    /// The voltage with which the velocity loop of PID begins; `None` if the loop already runs.
+    fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
         let emf = self.plant.kappa * velocity.to_f32();
-        let wanted = match demand {
-            Demand::Velocity(target) => target.to_f32(),
-            Demand::Follow(reference) => reference.next.to_f32(),
-            Demand::Position { target, .. } => target.wrapping_sub(self.position()) as f32,
-        };
-        let load = -self.external_acceleration() / self.plant.b;
-        let ends = load * emf > 0.0 && wanted * emf <= 0.0;
         match (self.loops.start, self.volts) {
             (Start::Running, _) => None,
             (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
             (Start::Continue, Some(volts)) => Some(Voltage::from_volts(volts)),
             // The current of this voltage balances the estimated load.
             (Start::Continue | Start::Resume, _) => {
-                Some(Voltage::from_volts(if ends { emf } else { emf + load }))
+                Some(Voltage::from_volts(emf - self.external_acceleration() / self.plant.b))
             }
         }
     }

@@ -51,6 +51,9 @@ impl Swings {
 }
 
 impl Swings {
+    /// A detector that finds no more swings.
+    pub(super) const NONE_COUNT: Self = Self { side: 0, age_ms: 0, half_swings: u8::MAX };
+
     /// Updates the detector at a control tick. The caller resets the detector when the demand changes. `speed` is the
     /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns true if a half swing
     /// ends that shows that the speed swings.
@@ -58,7 +61,7 @@ impl Swings {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - wanted;
         let side = if error > 0.0 { 1 } else { -1 };
-        if side == self.side {
+        if side == self.side || self.half_swings == u8::MAX {
             return false;
         }
         let (share, least) = match demand {
