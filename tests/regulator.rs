@@ -235,15 +235,6 @@ fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_spee
     }
 }
 
-/// Highest true speed in counts/s within a time in ms.
-fn fastest(bench: &mut Bench<1>, ms: u32) -> f64 {
-    let speeds = (0..ms).map(|_| {
-        bench.run_ms(1);
-        bench.speed(0).abs()
-    });
-    speeds.fold(0.0, f64::max)
-}
-
 #[test]
 fn a_motor_with_too_much_inertia_configured_rests_at_its_position_and_at_speed_0() {
     let mut bad = Vec::new();
@@ -258,7 +249,7 @@ fn a_motor_with_too_much_inertia_configured_rests_at_its_position_and_at_speed_0
                 bench.run_ms(1_000);
                 bench.set(0, setpoint);
                 bench.run_ms(4_000);
-                let speed = fastest(&mut bench, 1_000);
+                let speed = bench.highest(1_000, |bench| bench.speed(0).abs());
                 if speed > 40.0 {
                     bad.push(format!(
                         "{name}, inertia x{factor}, {period_ms} ms, {what}: {speed:.0} counts/s"
@@ -281,13 +272,13 @@ fn an_unknown_motor_that_friction_holds_is_not_thrown_by_a_slow_speed_or_a_small
             let mut bench =
                 Bench::one(unknown(&motor), plant(Motor { friction, ..motor }, Load::NONE), period_ms);
             bench.set(0, velocity(10));
-            let crawl = fastest(&mut bench, 6_000);
+            let crawl = bench.highest(6_000, |bench| bench.speed(0).abs());
             let mut moves: f64 = 0.0;
             for target in [15, -8, 40] {
                 bench.set(0, position(target, 3, 1_000));
                 bench.run_ms(3_000);
                 bench.set(0, position(target - 2, 3, 1_000));
-                moves = moves.max(fastest(&mut bench, 3_000));
+                moves = moves.max(bench.highest(3_000, |bench| bench.speed(0).abs()));
             }
             // The motor jerks when it breaks away.
             if crawl > 600.0 || moves > 150.0 {
@@ -304,11 +295,7 @@ fn the_first_move_of_an_unknown_heavy_motor_goes_at_most_a_tenth_too_far() {
     for period_ms in [10, 50] {
         let mut bench = Bench::one(unknown(&motor), plant(motor, inertia(1.5)), period_ms);
         bench.set(0, position(3_000, 5, 100_000));
-        let mut farthest: f64 = 0.0;
-        for _ in 0..15_000 {
-            bench.run_ms(1);
-            farthest = farthest.max(bench.counts(0));
-        }
+        let farthest = bench.highest(15_000, |bench| bench.counts(0));
         assert!(farthest < 3_300.0, "{period_ms} ms: {farthest} counts");
     }
 }
