@@ -4,9 +4,9 @@ mod common;
 
 use common::{
     BATTERY, Bench, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor, neverest_60,
-    plant, position, unknown, velocity,
+    plant, position, unknown, velocity, winding,
 };
-use motor_hub::braking::Winding;
+use motor_hub::braking::{Scheme, Winding};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
@@ -259,6 +259,58 @@ fn a_motor_with_too_much_inertia_configured_rests_at_its_position_and_at_speed_0
         }
     }
     assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+}
+
+#[test]
+fn a_held_motor_with_too_much_inertia_configured_rests_with_a_bridge_that_never_brakes() {
+    for (name, period_ms) in [("AM 40 C", 20), ("AM 20 A", 50), ("AM 3.7 A", 5)] {
+        let motor = motor(name);
+        let Settings { dynamics, .. } = with_inertia(configured(&motor, &Load::NONE), 3.0);
+        let settings = Settings { dynamics, ..Settings::for_scheme(winding(&motor), Scheme::ForwardReverse) };
+        let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
+        let cps = (0.3 * free_cps(&motor)) as i32;
+        bench.set(0, position(cps, 5, 2 * cps));
+        bench.run_ms(4_000);
+        let speed = bench.highest(1_000, |bench| bench.speed(0).abs());
+        assert!(speed <= 40.0, "{name}, {period_ms} ms: {speed:.0} counts/s");
+    }
+}
+
+#[test]
+fn a_motor_that_was_shaken_in_its_position_is_as_stiff_as_before_at_its_next_set_point() {
+    let motor = neverest_60();
+    let stall = motor.kt.0 * BATTERY / motor.r.0 * motor.gear_ratio * motor.eta;
+    for next in [velocity(1_000), velocity(0), position(0, 5, 2_000)] {
+        let moved = [false, true].map(|shaken| {
+            let mut bench = Bench::one(
+                configured(&motor, &Load::NONE),
+                plant(motor, Load::NONE),
+                Period::DEFAULT.as_millis(),
+            );
+            bench.set(0, velocity(1_000));
+            bench.run_ms(1_000);
+            bench.set(0, position(2_000, 5, 2_000));
+            bench.run_ms(3_000);
+            for ms in 0..800 {
+                let turns = 5e-3 * f64::from(ms);
+                bench.axes[0].torque =
+                    if shaken { 0.1 * stall * (std::f64::consts::TAU * turns).sin() } else { 0.0 };
+                bench.run_ms(1);
+            }
+            bench.axes[0].torque = 0.0;
+            bench.run_ms(1_000);
+            bench.set(0, next);
+            bench.run_ms(3_000);
+            let before = bench.speed(0);
+            bench.axes[0].torque = -0.2 * stall;
+            bench.highest(500, |bench| (bench.speed(0) - before).abs())
+        });
+        let [calm, shaken] = moved;
+        assert!(
+            (shaken / calm - 1.0).abs() < 0.1,
+            "{next:?}: {shaken:.0}, without shaking {calm:.0} counts/s"
+        );
+    }
 }
 
 #[test]

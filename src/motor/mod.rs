@@ -297,6 +297,7 @@ impl Motor {
         let follows = matches!((from, to), (Setpoint::Follow(_), Setpoint::Follow(_)));
         if to != from && !follows {
             self.settle_detector.reset();
+            self.regulator.end_swings(&self.settings, self.period);
         }
         if to != from && !from.continues_as(to, self.position) {
             let transition = if self.end_examination() {
@@ -574,7 +575,7 @@ impl Motor {
             Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        if (output.hunts && self.configured.lower_emf_constant()) || output.changes_gain {
+        if output.hunts && self.configured.lower_emf_constant() {
             self.correct_constants();
         }
         Some(Request { at, modulation, control, target: Some(output.speed) })

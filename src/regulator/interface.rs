@@ -116,7 +116,4 @@ pub struct Output {
     /// True if the speed hunts, because the back EMF constant in force is too high. Only the model regulator finds
     /// this.
     pub hunts: bool,
-    /// True if another acceleration per volt is to be used from now on, because the speed swings or has swung: call
-    /// [`Regulator::correct_constants`](super::Regulator::correct_constants). Only the model regulator finds this.
-    pub changes_gain: bool,
 }

@@ -84,12 +84,7 @@ impl Loops {
             Demand::Follow(reference) => self.follow(&reference, inputs, context.period),
             Demand::Position { target, speed_limit } => self.approach(target, speed_limit, inputs, context),
         };
-        Output {
-            effort: self.velocity(target, inputs, context),
-            speed: target,
-            hunts: false,
-            changes_gain: false,
-        }
+        Output { effort: self.velocity(target, inputs, context), speed: target, hunts: false }
     }
 
     /// Steps the velocity loop for a target speed. Returns the request.

@@ -120,9 +120,7 @@ pub struct Regulator {
     hunting: Hunting,
     swings: Swings,
     /// Factor by which the acceleration per volt was raised because the speed swings, 1 to [`LARGEST_GAIN_RATIO`]: of a
-    /// configured motor the value in use, of an unknown motor the estimate. The model regulator returns the factor to 1
-    /// with another demand: a speed, a position target or a reference. The configured value is then in use again, and an
-    /// estimate stays. PID does not change the factor.
+    /// configured motor the value in use, of an unknown motor the estimate. See [`end_swings`](Self::end_swings).
     gain_ratio: f32,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
@@ -175,7 +173,7 @@ impl Regulator {
         if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
             let gain = if keeps_gain && new.dynamics.is_none() { self.plant.b } else { initial_gain(new) };
-            self.gain_ratio = 1.0;
+            (self.swings, self.gain_ratio) = (Swings::default(), 1.0);
             let (old_plant, was_at_speed) = (self.plant, self.is_at_speed());
             self.observer = self.present_state();
             self.set_constants(new, gain, period);
@@ -194,6 +192,9 @@ impl Regulator {
                 self.gain_estimate = Some(GainEstimate::new());
             }
             self.restart_gain_estimate();
+        } else if old.coefficients != new.coefficients {
+            // PID does not find swings.
+            self.end_swings(new, period);
         }
         let pid_changed = emf_changed
             || dynamics_changed
@@ -361,10 +362,9 @@ impl Regulator {
     }
 
     /// Replaces the back EMF constant and the dynamics by the values in `settings`. Must be called when these values
-    /// were corrected for a warm motor or for a speed that hunts, and when a step has reported
-    /// [`changes_gain`](Output::changes_gain). The acceleration per volt in use is the value in `settings` times the
-    /// ratio of a raised gain. The estimated gain of an unknown motor, the estimated position and speed, and the
-    /// present acceleration are kept.
+    /// were corrected for a warm motor or for a speed that hunts. The acceleration per volt in use is the value in
+    /// `settings` times the ratio of a raised gain. The estimated gain of an unknown motor, the estimated position and
+    /// speed, and the present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let old = self.plant;
         let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
@@ -375,6 +375,23 @@ impl Regulator {
         }
         self.observer.keep_acceleration(&old, &self.plant, self.volts);
         self.pass_voltage();
+    }
+
+    /// Begins the search for swings again. The configured acceleration per volt is in use again if it was raised. The
+    /// raised estimate of an unknown motor stays. Must be called for each new set-point.
+    pub fn end_swings(&mut self, settings: &Settings, period: Period) {
+        self.swings = Swings::default();
+        self.set_gain_ratio(1.0, settings, period);
+    }
+
+    /// Sets the ratio of a raised gain.
+    fn set_gain_ratio(&mut self, ratio: f32, settings: &Settings, period: Period) {
+        if ratio != self.gain_ratio {
+            self.gain_ratio = ratio;
+            if settings.dynamics.is_some() {
+                self.correct_constants(settings, period);
+            }
+        }
     }
 
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
@@ -463,8 +480,6 @@ impl Regulator {
     // The emulated board's budget test finds this function by its symbol, and counts its instructions.
     #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
-        let last_target = self.position_target;
-        let demands_speed = matches!(demand, Demand::Velocity(_));
         let demand = self.hold_at_standstill(demand, context.period);
         self.position_target = match demand {
             Demand::Position { target, .. } => Some(target),
@@ -472,14 +487,7 @@ impl Regulator {
         };
         self.observer.set_speed_demanded(matches!(demand, Demand::Velocity(_)));
         let output = match &context.settings.coefficients {
-            None => {
-                let continues = if demands_speed {
-                    last_target.is_none() || self.position_target.is_some()
-                } else {
-                    self.position_target == last_target
-                };
-                self.by_model(demand, continues, context)
-            }
+            None => self.by_model(demand, context),
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
                 let (gain, start) = (self.plant.b, self.start_voltage(velocity));
@@ -507,18 +515,15 @@ impl Regulator {
         Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
-    /// Computes the output by the motor's model. `continues` is true if a position target is the one of the last tick,
-    /// and if no position was held before a demanded speed. A motor that comes to rest at the demanded speed 0 continues.
-    fn by_model(&mut self, demand: Demand, continues: bool, context: &Context<'_>) -> Output {
+    /// Computes the output by the motor's model.
+    fn by_model(&mut self, demand: Demand, context: &Context<'_>) -> Output {
         let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
         let period_ms = context.period.as_millis();
-        let is_new;
-        let mut output = match demand {
+        let output = match demand {
             Demand::Velocity(target) => {
                 let target = self.stream.step(target.to_f32(), self.predicted_until, period_ms);
-                is_new = !(continues && target.is_old);
                 let mut output = self.law.velocity(&mut present, &self.plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let correction_volts = self.law.correction_volts(&present, target.demanded);
@@ -528,42 +533,43 @@ impl Regulator {
                 output
             }
             Demand::Follow(reference) => {
-                is_new = true;
                 self.law.follow(&mut present, &self.plant, reference.from(position), &reference, context)
             }
             Demand::Position { target, speed_limit } => {
-                is_new = !continues;
                 let distance = target.wrapping_sub(position);
                 self.law.position(&mut present, &self.plant, distance, speed_limit, context)
             }
         };
-        let mut gain_ratio = self.gain_ratio;
-        if is_new {
-            self.swings = Swings::default();
-            gain_ratio = 1.0;
-        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
-            let mut factor = 1.0;
-            if gain_ratio < LARGEST_GAIN_RATIO {
-                factor = GAIN_STEP;
-                gain_ratio = at_most(factor * gain_ratio, LARGEST_GAIN_RATIO);
-                if gain_ratio == LARGEST_GAIN_RATIO {
-                    self.swings = Swings::default();
-                }
-            } else if matches!(demand, Demand::Position { .. }) {
-                // The swing of a held position has another cause, for example a load that swings.
-                (factor, gain_ratio) = (1.0 / LARGEST_RAISE, 1.0);
-                self.swings = Swings::NONE_COUNT;
-            }
-            if let Some(estimate) = &mut self.gain_estimate {
-                estimate.raise(factor);
-            }
-        }
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
         self.observer.add_load(present.load() - load);
-        output.changes_gain = context.settings.dynamics.is_some() && gain_ratio != self.gain_ratio;
-        self.gain_ratio = gain_ratio;
+        if let Demand::Follow(_) = demand {
+            self.end_swings(context.settings, context.period);
+        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
+            self.raise_gain(demand, context);
+        }
         output
+    }
+
+    /// Raises the acceleration per volt in use, because the speed swings. If a position swings on with the largest value,
+    /// the swings have another cause, for example a load that swings: the value before is then in use again.
+    fn raise_gain(&mut self, demand: Demand, context: &Context<'_>) {
+        let (factor, ratio) = if self.gain_ratio < LARGEST_GAIN_RATIO {
+            (GAIN_STEP, at_most(GAIN_STEP * self.gain_ratio, LARGEST_GAIN_RATIO))
+        } else if let Demand::Position { .. } = demand {
+            (1.0 / LARGEST_RAISE, 1.0)
+        } else {
+            return;
+        };
+        if ratio == LARGEST_GAIN_RATIO {
+            self.swings = Swings::default();
+        } else if ratio == 1.0 {
+            self.swings = Swings::NONE_COUNT;
+        }
+        if let Some(estimate) = &mut self.gain_estimate {
+            estimate.raise(factor);
+        }
+        self.set_gain_ratio(ratio, context.settings, context.period);
     }
 
     /// The voltage with which the velocity loop of PID begins; `None` if the loop already runs.

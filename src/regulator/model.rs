@@ -214,12 +214,7 @@ impl Law {
         // the motor brakes less than at the battery voltage.
         let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
-        Output {
-            effort: Effort::Voltage(voltage),
-            speed: super::speed(speed),
-            hunts: false,
-            changes_gain: false,
-        }
+        Output { effort: Effort::Voltage(voltage), speed: super::speed(speed), hunts: false }
     }
 
     /// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
