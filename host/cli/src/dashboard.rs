@@ -127,18 +127,18 @@ fn code(url: &str) -> String {
 }
 
 fn real(name: &str) -> Place {
-    let (place, mut said) = (name.to_owned(), None);
+    let (place, mut printed) = (name.to_owned(), None);
     Place::real(name, move |address| match dashboard::hub::open(&place, address) {
         Ok(session) => {
-            said = None;
+            printed = None;
             Ok(session)
         }
         Err(error) => {
             let why = error.to_string();
             // The server opens the line repeatedly. An error that repeats is printed once.
-            if said.as_ref() != Some(&why) {
+            if printed.as_ref() != Some(&why) {
                 print_error_line(&format!("{place}: {why}; trying again every second"));
-                said = Some(why.clone());
+                printed = Some(why.clone());
             }
             Err(why)
         }

@@ -3,6 +3,7 @@
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{share, whole};
+use clap::ArgGroup;
 use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
@@ -15,31 +16,17 @@ motor-hub map [OPTIONS] --scheme <SCHEME>
 
 /// Compute regime, mode and duty of a control value at an operating point
 #[derive(clap::Args)]
+#[command(group(ArgGroup::new("value").required(true)))]
 pub(crate) struct Options {
     #[command(flatten)]
     at: OperatingOptions,
-    #[command(flatten)]
-    control: ControlOptions,
-}
-
-/// A control value in one of two units.
-#[derive(clap::Args)]
-#[group(required = true, multiple = false)]
-struct ControlOptions {
     /// Control value as a fraction of full scale, -1 to 1
-    #[arg(long, value_name = "FRACTION", value_parser = fraction)]
+    #[arg(long, group = "value", value_name = "FRACTION", value_parser = fraction)]
     control: Option<Control>,
     /// Control value in steps of the protocol, -32767 to 32767
-    #[arg(long, value_name = "STEPS")]
+    #[arg(long, group = "value", value_name = "STEPS")]
     #[arg(value_parser = whole("a control value", -32_767..=i16::MAX, "steps"))]
     control_steps: Option<i16>,
-}
-
-impl ControlOptions {
-    /// Returns the control value. The parser makes sure that one of the options is given.
-    fn value(&self) -> Control {
-        self.control.or(self.control_steps.map(Control::new)).unwrap_or_default()
-    }
 }
 
 fn fraction(text: &str) -> Result<Control, &'static str> {
@@ -49,7 +36,9 @@ fn fraction(text: &str) -> Result<Control, &'static str> {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let report = self.at.report()?;
-        let placed = report.place(self.control.value());
+        // The group makes sure that one of the two options is given.
+        let control = self.control.or(self.control_steps.map(Control::new)).unwrap_or_default();
+        let placed = report.place(control);
         if self.at.json {
             return print_json(&placed);
         }

@@ -11,6 +11,7 @@ use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
 use crate::served_hubs::{self, ServedHubFile};
+use clap::ArgGroup;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
@@ -43,9 +44,28 @@ const AWAKE_S: f64 = 0.5;
 /// `motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in
 /// the folder for temporary files. The note is removed at the end.
 #[derive(clap::Args)]
+#[command(group(ArgGroup::new("place").required(true)))]
+#[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
 pub(crate) struct Options {
-    #[command(flatten)]
-    serving: Serving,
+    /// Serves on a pseudo-terminal, which hosts open as a serial port
+    #[arg(long, group = "place")]
+    pty: bool,
+    /// Serves on a TCP port; port 0 chooses a free port
+    #[arg(long, group = "place", value_name = "HOST:PORT", value_parser = host_and_port)]
+    tcp: Option<String>,
+    /// Symbolic link to the serial port, for a name that stays the same; removed at the end
+    #[cfg(unix)]
+    #[arg(long, value_name = "PATH", conflicts_with = "tcp")]
+    link: Option<PathBuf>,
+    /// Scenario file (TOML) instead of the default scenario
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Connects two of the hub's digital pins, such as 4,5, for tests of host software; with --emulated 0,1 only
+    #[arg(long, value_name = "PIN,PIN", value_parser = wire)]
+    wire: Option<[Pin; 2]>,
+    /// Duration in seconds [default: until Ctrl-C]
+    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = seconds)]
+    limit_s: Option<f64>,
     /// Address of the hub, 1 to 254
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
@@ -59,18 +79,6 @@ pub(crate) struct Options {
     /// is built first if it is out of date; the hub's address is 2
     #[arg(long, conflicts_with_all = ["address", "hubs", "store"])]
     emulated: bool,
-    #[command(flatten)]
-    #[cfg_attr(
-        not(feature = "emulated"),
-        expect(dead_code, reason = "read only where there is an emulator")
-    )]
-    image: ImageOptions,
-}
-
-/// The image that `--emulated` serves.
-#[derive(clap::Args)]
-#[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
-struct ImageOptions {
     /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
     board: String,
@@ -89,7 +97,7 @@ impl Options {
         }
         let hubs = self.hubs()?;
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-        self.serving.execute(
+        self.serve(
             || Ok(Scenario::to_serve()),
             |scenario, line, show| serve::run(scenario, &hubs, line, memory, &mut |_| (), show),
         )
@@ -106,70 +114,36 @@ impl Options {
     }
 
     #[cfg(not(feature = "emulated"))]
-    fn serve_an_image(self) -> Result<(), Failure> {
+    fn serve_an_image(&self) -> Result<(), Failure> {
         Err(crate::emulate::no_emulator("serve --emulated"))
     }
 
     #[cfg(feature = "emulated")]
-    fn serve_an_image(self) -> Result<(), Failure> {
+    fn serve_an_image(&self) -> Result<(), Failure> {
         use emulated::{Board, elf};
 
-        let ImageOptions { board, image, bootloader } = self.image;
-        let board: Board = board.parse().map_err(Failure::input)?;
-        elf::choose(image.as_deref()).map_err(Failure::input)?;
-        if bootloader && board.bootloader().is_none() {
+        let board: Board = self.board.parse().map_err(Failure::input)?;
+        elf::choose(self.image.as_deref()).map_err(Failure::input)?;
+        if self.bootloader && board.bootloader().is_none() {
             return Err(Failure::Input(format!(
                 "--bootloader: {board} has no bootloader; give --board nucleo-h743zi2"
             )));
         }
-        if let Some(pins) = self.serving.wire
+        if let Some(pins) = self.wire
             && pins.iter().any(|pin| pin.get() > 1)
         {
             return Err(Failure::Input(
                 "--wire: an emulated board has digital pins 0 and 1 only; give --wire 0,1".to_owned(),
             ));
         }
-        self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
-            emulated::serve::run(scenario, board, bootloader, line, show)
+        self.serve(emulated::serve::scenario, |scenario, line, show| {
+            emulated::serve::run(scenario, board, self.bootloader, line, show)
         })
     }
-}
 
-/// Options that the simulated and the emulated hub share.
-#[derive(clap::Args)]
-struct Serving {
-    #[command(flatten)]
-    place: Place,
-    /// Symbolic link to the serial port, for a name that stays the same; removed at the end
-    #[cfg(unix)]
-    #[arg(long, value_name = "PATH", conflicts_with = "tcp")]
-    link: Option<PathBuf>,
-    /// Scenario file (TOML) instead of the default scenario
-    #[arg(long, value_name = "FILE")]
-    scenario: Option<PathBuf>,
-    /// Connects two of the hub's digital pins, such as 4,5, for tests of host software; with --emulated 0,1 only
-    #[arg(long, value_name = "PIN,PIN", value_parser = wire)]
-    wire: Option<[Pin; 2]>,
-    /// Duration in seconds [default: until Ctrl-C]
-    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = seconds)]
-    limit_s: Option<f64>,
-}
-
-#[derive(clap::Args)]
-#[group(required = true, multiple = false)]
-struct Place {
-    /// Serves on a pseudo-terminal, which hosts open as a serial port
-    #[arg(long)]
-    pty: bool,
-    /// Serves on a TCP port; port 0 chooses a free port
-    #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
-    tcp: Option<String>,
-}
-
-impl Serving {
     /// Serves the hub, and prints the place of the hub once the hub has started.
-    fn execute<E: std::error::Error>(
-        self,
+    fn serve<E: std::error::Error>(
+        &self,
         default: impl FnOnce() -> Result<Scenario, ScenarioError>,
         run: impl FnOnce(&Scenario, Box<dyn Line>, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<(), E>,
     ) -> Result<(), Failure> {
@@ -178,7 +152,7 @@ impl Serving {
             None => default(),
         };
         let scenario = Scenario { wire: self.wire, ..scenario.map_err(Failure::input)? };
-        let line = match &self.place.tcp {
+        let line = match &self.tcp {
             Some(address) => serve::tcp(address).map_err(Failure::input)?,
             None => serve::pty().map_err(no_pty)?,
         };
@@ -192,7 +166,7 @@ impl Serving {
             None => None,
         };
         #[cfg(unix)]
-        let (named, mut note) = (self.named(&*line)?, None::<Option<ServedHubFile>>);
+        let (absolute_place, mut note) = (self.absolute_place(&*line)?, None::<Option<ServedHubFile>>);
         let stopped = stop_flag()?;
         let mut notices = Notices::default();
         let mut printed = Ok(());
@@ -204,7 +178,9 @@ impl Serving {
                 if awake || at_s > AWAKE_S {
                     printed = place.take().map_or(Ok(()), |place| print(&place));
                     #[cfg(unix)]
-                    if let Some(note) = note.get_or_insert_with(|| bar.suspend(|| leave_note(&named))) {
+                    if let Some(note) =
+                        note.get_or_insert_with(|| bar.suspend(|| leave_note(&absolute_place)))
+                    {
                         note.set_has_host(taken);
                     }
                 }
@@ -212,7 +188,7 @@ impl Serving {
                     shown_s = at_s + 0.2;
                     bar.set_message(format!("{at_s:.0} s, {}", describe()));
                 }
-                for notice in notices.due(at_s, lost, rejected_hosts) {
+                for notice in notices.due(at_s, lost.as_secs_f64(), rejected_hosts.into()) {
                     bar.suspend(|| eprintln!("{notice}"));
                 }
                 let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
@@ -228,7 +204,7 @@ impl Serving {
 
     /// Returns the place by which hosts on this machine open the hub from any working directory.
     #[cfg(unix)]
-    fn named(&self, line: &dyn Line) -> Result<String, Failure> {
+    fn absolute_place(&self, line: &dyn Line) -> Result<String, Failure> {
         if let Some(link) = &self.link {
             let path = std::path::absolute(link).map_err(Failure::input)?;
             return Ok(path.display().to_string());
