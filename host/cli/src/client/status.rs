@@ -91,29 +91,26 @@ impl HubStatus {
             .add_row(["battery", &volts_text(volts(self.battery), 3)])
             .add_row(["bus", &self.bus.map_or_else(|| NOT_REPORTED.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
-        let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
-        for (channel, MotorReading { motor, position, velocity, within_tolerance }) in self.motors() {
-            let cells = [
-                motor.to_string(),
-                mode(channel.mode).to_owned(),
-                zero_behaviour(channel.zero_power).to_owned(),
-                yes(channel.enabled),
-                format!("{:.4}", channel.power.to_f64()),
-                channel.velocity.to_string(),
-                format!("{} ±{}", channel.position.counts, channel.position.tolerance),
-                position.to_string(),
-                velocity.to_string(),
-                yes(within_tolerance),
-                self.condition(motor).map_or_else(|| NOT_REPORTED.to_owned(), condition_words),
-            ];
-            rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
-        }
-        let [first, rest @ ..] = &rows;
-        let first: Vec<&str> = first.iter().map(String::as_str).collect();
-        let mut motors = table::new(&first, 1);
-        for row in rest {
-            motors.add_row(row);
-        }
+        let row = |heading: &str, value: &dyn Fn(&MotorState, &MotorReading) -> String| -> Vec<String> {
+            let values = self.motors().map(|(state, reading)| value(state, &reading));
+            std::iter::once(heading.to_owned()).chain(values).collect()
+        };
+        let condition =
+            |motor| self.condition(motor).map_or_else(|| NOT_REPORTED.to_owned(), condition_words);
+        let mut motors = table::new(row("motor", &|_, at| at.motor.to_string()), 1);
+        motors
+            .add_row(row("mode", &|of, _| mode(of.mode).to_owned()))
+            .add_row(row("at zero", &|of, _| zero_behaviour(of.zero_power).to_owned()))
+            .add_row(row("enabled", &|of, _| yes(of.enabled)))
+            .add_row(row("power", &|of, _| format!("{:.4}", of.power.to_f64())))
+            .add_row(row("target velocity", &|of, _| of.velocity.to_string()))
+            .add_row(row("target position", &|of, _| {
+                format!("{} ±{}", of.position.counts, of.position.tolerance)
+            }))
+            .add_row(row("encoder", &|_, at| at.position.to_string()))
+            .add_row(row("velocity", &|_, at| at.velocity.to_string()))
+            .add_row(row("within tolerance", &|_, at| yes(at.within_tolerance)))
+            .add_row(row("winding, bridge", &|_, at| condition(at.motor)));
         format!("{head}\nVelocities in counts/s, positions in counts\n{motors}")
     }
 
@@ -190,20 +187,6 @@ fn condition_words(is: &Condition) -> String {
     };
     format!("{state}{heat}{line}")
 }
-
-const MOTOR_HEADINGS: [&str; 11] = [
-    "motor",
-    "mode",
-    "at zero",
-    "enabled",
-    "power",
-    "target velocity",
-    "target position",
-    "encoder",
-    "velocity",
-    "within tolerance",
-    "winding, bridge",
-];
 
 const fn mode(mode: RunMode) -> &'static str {
     match mode {
