@@ -140,8 +140,8 @@ impl Drive {
         self.common().motors.hub
     }
 
-    /// Returns the requested motion, and the encoder counts in a turn of the output shaft if the options give them.
-    pub(super) fn motion(&self) -> Result<(Motion, Option<f64>), Failure> {
+    /// Returns the requested motion.
+    pub(super) fn motion(&self) -> Result<Motion, Failure> {
         let common = self.common();
         let counts_per_turn = common.shaft.counts()?;
         let setpoint = match *self {
@@ -160,20 +160,18 @@ impl Drive {
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
-        Ok((
-            Motion { motors: common.motors.numbers.clone(), setpoint, zero, length: common.length },
-            counts_per_turn,
-        ))
+        let motors = common.motors.numbers.clone();
+        Ok(Motion { motors, setpoint, zero, length: common.length, counts_per_turn })
     }
 
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let (motion, counts_per_turn) = self.motion()?;
+        let motion = self.motion()?;
         let session = &mut hub.open(self.hub())?;
         let mut progress = Progress::new(&motion, INTERVAL);
         let settled = DrivingSession::run(session, |driven| {
             motion.begin(driven)?;
             let settled =
-                follow(driven, &motion.motors, counts_per_turn, motion.length, |session, reading| {
+                follow(driven, &motion.motors, motion.counts_per_turn, motion.length, |session, reading| {
                     motion.check(session)?;
                     Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
                 })?;

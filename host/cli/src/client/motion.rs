@@ -6,7 +6,7 @@ use crate::output::{Failure, print_error_line};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
-use motor_hub::units::{CountsPerSecond, EmfConstant, Millivolts, Period};
+use motor_hub::units::{CountsPerSecond, Millivolts, Period};
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::motor::{NO_CURRENT, Setpoint};
 use motor_hub_client::reasons::why_still;
@@ -14,12 +14,16 @@ use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Motors with their common set-point, what they do at zero, and the duration of the motion; `None` for no limit.
+/// Motors with their common set-point.
 pub(super) struct Motion {
     pub(super) motors: Vec<u8>,
     pub(super) setpoint: Setpoint,
+    /// What the motors do at power 0 or velocity 0.
     pub(super) zero: ZeroPower,
+    /// Duration of the motion; `None` for no limit.
     pub(super) length: Option<Duration>,
+    /// Encoder counts in a turn of the output shaft; `None` if the options do not give them.
+    pub(super) counts_per_turn: Option<f64>,
 }
 
 impl Motion {
@@ -79,7 +83,8 @@ pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(),
     }
     for &(motor, wanted) in speeds {
         let Some(settings) = none_if_unsupported(session.settings(motor))? else { return Ok(()) };
-        let free = free_speed(settings.motor.winding.emf, battery);
+        // At the free speed the back EMF equals the battery voltage.
+        let free = f64::from(battery.get()) / settings.motor.winding.emf.to_millivolt_seconds();
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;
             print_error_line(&format!(
@@ -89,11 +94,6 @@ pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(),
         }
     }
     Ok(())
-}
-
-/// Returns the free speed in counts per second. At this speed the back EMF equals the battery voltage.
-fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
-    f64::from(battery.get()) / emf.to_millivolt_seconds()
 }
 
 /// Longest control period of a hub, in milliseconds.
@@ -193,7 +193,7 @@ mod tests {
 
     /// A motion of motor 0.
     fn motion(setpoint: Setpoint) -> Motion {
-        Motion { motors: vec![0], setpoint, zero: ZeroPower::Brake, length: None }
+        Motion { motors: vec![0], setpoint, zero: ZeroPower::Brake, length: None, counts_per_turn: None }
     }
 
     fn progress(motion: &Motion) -> Progress<'_> {

@@ -11,6 +11,7 @@ use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::{HubReport, ReportedSetpoint};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
+use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::motor::Setpoint;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
@@ -67,7 +68,7 @@ impl Options {
 
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let drive = self.parsed()?;
-        let (motion, _) = drive.motion()?;
+        let motion = drive.motion()?;
         let folder = Folder::new(&self.out)?;
         let session = &mut hub.open(drive.hub())?;
         let interval = Duration::from_secs(1) / self.rate;
@@ -176,14 +177,9 @@ impl Recorder {
         if !self.reports_current {
             return Ok(None);
         }
-        match session.current(motor) {
-            Ok(current) => Ok(Some(f64::from(current.get()) / 1e3)),
-            Err(Error::Refused { .. }) => {
-                self.reports_current = false;
-                Ok(None)
-            }
-            Err(error) => Err(error),
-        }
+        let current = none_if_unsupported(session.current(motor))?;
+        self.reports_current = current.is_some();
+        Ok(current.map(|current| f64::from(current.get()) / 1e3))
     }
 
     /// Draws the charts, and prints a summary.
