@@ -68,10 +68,8 @@ impl Constants {
 
     /// Returns a motor with these constants, without gearbox, drag and inertia.
     pub(crate) fn motor(&self) -> Result<Motor, Failure> {
-        // Checks the constants.
+        // Checks the back EMF. The parsers of the options have checked the other constants.
         self.emf()?;
-        self.resistance()?;
-        self.inductance()?;
         let (Some(ke), Some(counts), Some(ohms), Some(mh)) =
             (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh)
         else {

@@ -7,7 +7,6 @@ use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::units::Control;
 use motor_hub_client::line::is_tcp;
-use simulated::scenario::LONGEST_S;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -85,11 +84,6 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
 pub(crate) fn within_a_day(text: &str) -> Result<Duration, String> {
     let length = within(text, f64::MIN_POSITIVE..=DAY_S).map(Duration::from_secs_f64);
     length.ok_or_else(|| format!("a duration is more than 0 and at most {DAY_S} s"))
-}
-
-/// Parses the duration of a scenario in seconds.
-pub(crate) fn run_seconds(text: &str) -> Result<f64, String> {
-    number("a duration", 0.001..=LONGEST_S, "s")(text)
 }
 
 /// Returns a parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.

@@ -1,10 +1,10 @@
 //! Implements the command `motor-hub run`.
 
 use crate::output::{Failure, Folder, drawn, progress};
-use crate::parse::{run_seconds, whole};
+use crate::parse::{number, whole};
 use crate::scenario_options::ScenarioOptions;
 use crate::scheme_options::SchemeOptions;
-use simulated::scenario::Scenario;
+use simulated::scenario::{LONGEST_S, Scenario};
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
 use studies::report::RunReport;
@@ -15,7 +15,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     source: ScenarioOptions,
     /// Length of the run in seconds
-    #[arg(long = "time-s", alias = "time", value_name = "S", value_parser = run_seconds)]
+    #[arg(long = "time-s", alias = "time", value_name = "S")]
+    #[arg(value_parser = number("a duration", 0.001..=LONGEST_S, "s"))]
     time: Option<f64>,
     /// How all motors are controlled
     #[command(flatten)]

@@ -123,12 +123,8 @@ impl ServoOptions {
             let of = session.servo(servo)?;
             let enabled = if of.enabled { "yes" } else { "no" };
             let number = servo.get();
-            table.add_row([
-                &number.to_string(),
-                &of.period_us.to_string(),
-                &of.width_us.to_string(),
-                enabled,
-            ]);
+            let [period, width] = [of.period_us, of.width_us].map(|us| us.to_string());
+            table.add_row([&number.to_string(), &period, &width, enabled]);
             servos.push(with_fields(json!({ "servo": number }), json!(of)));
         }
         print_as(self.json, &json!({ "servos": servos }), table)
@@ -337,11 +333,11 @@ fn scan(session: &mut Session, only: Option<I2cBus>, json: bool) -> Result<(), F
             match session.finds_i2c(bus, address)? {
                 Ok(true) => devices.push(address.get()),
                 Ok(false) => (),
-                Err(why) => error = Some(why),
-            }
-            // An error concerns the whole bus, so the remaining addresses are not read.
-            if error.is_some() {
-                break;
+                // An error concerns the whole bus, so the remaining addresses are not read.
+                Err(why) => {
+                    error = Some(why);
+                    break;
+                }
             }
         }
         let found: Vec<String> = devices.iter().map(|address| format!("{address:#04x}")).collect();

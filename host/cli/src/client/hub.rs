@@ -23,15 +23,8 @@ pub(super) struct HubOptions {
     #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
     pub(super) address: Option<Address>,
     /// Time-out for an answer in milliseconds; within it a request is sent up to three times
-    #[arg(
-        long = "timeout-ms",
-        alias = "timeout",
-        value_name = "MS",
-        global = true,
-        help_heading = "Hub",
-        default_value_t = 1000
-    )]
-    #[arg(value_parser = whole("a timeout", 10..=60_000_u64, "ms"))]
+    #[arg(long = "timeout-ms", alias = "timeout", value_name = "MS", global = true, help_heading = "Hub")]
+    #[arg(default_value_t = 1000, value_parser = whole("a timeout", 10..=60_000_u64, "ms"))]
     timeout: u64,
 }
 

@@ -113,11 +113,22 @@ impl Options {
             session.set_up(motor, &proposed)?;
         }
         let catalogue = catalogue_motor(&before.motor);
-        warn_of(wrong_type(catalogue.as_ref(), &found).as_deref());
-        if self.json {
-            return print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed));
+        let bare = catalogue.as_ref();
+        let warning = wrong_type(bare, &found);
+        warn_of(warning.as_deref());
+        if !self.json {
+            return print(&self.text(&found, bare, &before, &proposed));
         }
-        print(&self.text(&found, catalogue.as_ref(), &before, &proposed))
+        let more = json!({
+            "motor": motor,
+            "catalogue": bare.map(|(motor, _)| motor.name),
+            "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
+            "warning": warning,
+            "now": motion_json(&before),
+            "proposed": motion_json(&proposed),
+            "applied": self.apply,
+        });
+        print_json(&with_fields(identify::json(outcome), more))
     }
 
     fn text(
@@ -150,25 +161,6 @@ impl Options {
         format!(
             "{learned}\nResidual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n"
         )
-    }
-
-    fn document(
-        &self,
-        found: &Identified,
-        bare: Option<&(Motor, Dynamics)>,
-        before: &MotorSettings,
-        after: &MotorSettings,
-    ) -> Value {
-        let more = json!({
-            "motor": self.motor.number,
-            "catalogue": bare.map(|(motor, _)| motor.name),
-            "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
-            "warning": wrong_type(bare, found),
-            "now": motion_json(before),
-            "proposed": motion_json(after),
-            "applied": self.apply,
-        });
-        with_fields(identify::json(Identification::Found(*found)), more)
     }
 }
 

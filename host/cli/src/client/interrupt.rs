@@ -43,13 +43,9 @@ const FORCED_EXIT_AFTER: Duration = Duration::from_secs(3);
 
 /// Name of the first signal received.
 static RECEIVED_SIGNAL: OnceLock<&str> = OnceLock::new();
-static LISTENING: OnceLock<()> = OnceLock::new();
 
-/// Makes signals end the command in good order instead of ending the program.
+/// Makes signals end the command in good order instead of ending the program. A command calls this function once.
 pub(super) fn listen() -> Result<(), Failure> {
-    if LISTENING.set(()).is_err() {
-        return Ok(());
-    }
     let raised = Arc::new(AtomicUsize::new(0));
     for (place, (signal, _)) in (1..).zip(SIGNALS.iter().chain(SUSPENDS)) {
         register_usize(*signal, Arc::clone(&raised), place)

@@ -9,10 +9,7 @@ use serde_json::json;
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
 pub(super) fn show(json: bool) -> Result<(), Failure> {
-    if !json {
-        return print(&list()?);
-    }
-    print_json(&json!({ "ports": all()? }))
+    if json { print_json(&json!({ "ports": all()? })) } else { print(&list()?) }
 }
 
 pub(super) fn all() -> Result<Vec<Port>, Failure> {

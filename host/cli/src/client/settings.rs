@@ -91,7 +91,8 @@ impl Options {
                 }
                 let text = settings_file::export(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
-                std::fs::write(&file, text).map_err(|error| at(&file, error))?;
+                std::fs::write(&file, text)
+                    .map_err(|error| Failure::Work(format!("{}: {error}", file.display())))?;
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
@@ -142,10 +143,6 @@ fn read(file: &Path) -> Result<SettingsFile, Failure> {
     })?;
     settings_file::read(document)
         .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
-}
-
-fn at(file: &Path, error: std::io::Error) -> Failure {
-    Failure::Work(format!("{}: {error}", file.display()))
 }
 
 /// Fails if a save, load or reset that the hub has accepted has not succeeded.
