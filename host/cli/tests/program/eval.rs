@@ -249,53 +249,51 @@ fn a_bad_case_gets_an_error_and_the_others_are_answered() {
     }
 }
 
-/// The error of one case.
-fn refused(formula: &str, inputs: &Value) -> String {
-    let output = eval(&json!({ "cases": [{ "formula": formula, "inputs": inputs }] }).to_string());
-    let error = results(&output)[0]["error"].as_str().map(str::to_owned);
-    error.unwrap_or_else(|| {
-        panic!("{formula} {inputs} is answered: {}", String::from_utf8_lossy(&output.stdout))
-    })
-}
-
 #[test]
-fn voltages_that_the_firmware_cannot_represent_are_refused() {
-    let regime = |omega: f64, battery: f64| {
-        refused("regime_duty", &json!({ "scheme": "A", "Omega": omega, "Vbat": battery, "Ke": 0.1 }))
+fn inputs_that_the_formulas_cannot_have_are_refused_with_what_is_allowed() {
+    let regime = |omega: f64, battery: f64, blend: f64| json!({ "scheme": "D", "Omega": omega, "Vbat": battery, "Ke": 0.1, "blend": blend });
+    let current = |omega: f64, battery: f64| json!({ "motor": "AM 60 A", "f_Hz": 20e3, "Omega": omega, "Vbat": battery, "Vd": 0, "Ron": 0 });
+    let fixed = |cps: i32, blend: f64| {
+        json!({
+            "cps": cps, "mvBattery": 12_000, "keFw": 3.98, "keFw_q20": 4_180_495, "R": 3.3, "blend": blend,
+            "countsPerRev": 28,
+        })
     };
-    let current = |omega: f64, battery: f64| {
-        let motor =
-            json!({ "motor": "AM 60 A", "f_Hz": 20e3, "Omega": omega, "Vbat": battery, "Vd": 0, "Ron": 0 });
-        refused("duty_for_current", &motor)
-    };
-    let fixed = json!({
-        "cps": 100_000, "mvBattery": 12_000, "keFw": 3.98, "keFw_q20": 4_180_495, "R": 3.3, "blend": 0.5,
-        "countsPerRev": 28,
-    });
-    const EMF: &str = "back EMF must be -131.071 to 131.071 V";
-    for error in
-        [regime(1310.72, 12.0), regime(-1310.72, 12.0), regime(1e300, 12.0), refused("scheme_fw", &fixed)]
-    {
-        assert_eq!(error, EMF);
-    }
-    const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
-    for error in [regime(1.0, 65.536), regime(1.0, 0.0004), current(1.0, 65.536), current(0.0, 0.0004)] {
-        assert_eq!(error, BATTERY);
-    }
-}
-
-#[test]
-fn a_result_that_is_not_finite_is_refused() {
+    let points = json!({ "scheme": "D", "Omega": 1, "Vbat": 12, "Ke": 0.1, "R": 1, "cMax": 1, "blend": 1.5 });
     let step = json!({
         "motor": "AM 60 A", "Jafter": 0.0, "Bafter": 0.0, "vapp0": 0, "dv": 1e308, "tau_app0": 0, "dtau": 0,
     });
-    let error = refused("step_response", &step);
-    assert!(error.contains("output rows is no finite number"), "{error}");
-    let plant = json!({
-        "R": 1e-300, "L": 1e-300, "N": 1, "eta": 1, "Ke": 1e300, "Kt": 1e300, "B": 0, "J": 1, "Jafter": 0, "Bafter": 0,
-    });
-    let error = refused("plant", &plant);
-    assert!(error.contains("is no finite number"), "{error}");
+    let plant = |r: f64, ke: f64, drag: f64| {
+        json!({
+            "R": r, "L": r, "N": 1, "eta": 1, "Ke": ke, "Kt": ke, "B": drag, "J": 1, "Jafter": 0, "Bafter": 0,
+        })
+    };
+    const EMF: &str = "back EMF must be -131.071 to 131.071 V";
+    const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
+    const BLEND: &str = "input blend = 1.5 must be 0 (scheme B) to 1 (scheme C)";
+    for (formula, inputs, says) in [
+        ("regime_duty", regime(1310.72, 12.0, 0.5), EMF),
+        ("regime_duty", regime(-1310.72, 12.0, 0.5), EMF),
+        ("regime_duty", regime(1e300, 12.0, 0.5), EMF),
+        ("scheme_fw", fixed(100_000, 0.5), EMF),
+        ("regime_duty", regime(1.0, 65.536, 0.5), BATTERY),
+        ("regime_duty", regime(1.0, 0.0004, 0.5), BATTERY),
+        ("duty_for_current", current(1.0, 65.536), BATTERY),
+        ("duty_for_current", current(0.0, 0.0004), BATTERY),
+        ("scheme_points", points, BLEND),
+        ("regime_duty", regime(1.0, 12.0, 1.5), BLEND),
+        ("scheme_fw", fixed(100, 1.5), BLEND),
+        ("step_response", step, "output rows is no finite number: an input is too large or too small"),
+        (
+            "plant",
+            plant(1e-300, 1e300, 0.0),
+            "output gamma2 is no finite number: an input is too large or too small",
+        ),
+        ("plant", plant(1.0, 0.1, -1e-9), "B = -0.000000001 must not be negative"),
+    ] {
+        let output = eval(&json!({ "cases": [{ "formula": formula, "inputs": inputs }] }).to_string());
+        assert_eq!(results(&output)[0]["error"], says, "{formula} {inputs}");
+    }
 }
 
 #[test]
@@ -322,27 +320,6 @@ fn a_document_s_motor_has_the_constants_that_the_formula_needs_and_no_others() {
     }
     let misspelled = error("plant", &plant, &|motor| drop(motor.insert("n".to_owned(), json!(60))));
     assert_eq!(misspelled, "unknown motor constant n; allowed: R, L, N, eta, Ke, Kt, B, J");
-}
-
-#[test]
-fn a_blend_out_of_its_range_is_refused_wherever_it_is_read() {
-    let points = json!({ "scheme": "D", "Omega": 1, "Vbat": 12, "Ke": 0.1, "R": 1, "cMax": 1, "blend": 1.5 });
-    let regime = json!({ "scheme": "D", "Omega": 1, "Vbat": 12, "Ke": 0.1, "blend": 1.5 });
-    let fixed = json!({
-        "cps": 100, "mvBattery": 12_000, "keFw": 3.98, "keFw_q20": 4_180_495, "R": 3.3, "blend": 1.5,
-        "countsPerRev": 28,
-    });
-    for (formula, inputs) in [("scheme_points", points), ("regime_duty", regime), ("scheme_fw", fixed)] {
-        assert_eq!(refused(formula, &inputs), "input blend = 1.5 must be 0 (scheme B) to 1 (scheme C)");
-    }
-}
-
-#[test]
-fn a_motor_has_no_negative_drag() {
-    let motor = json!({
-        "R": 1, "L": 1e-3, "N": 1, "eta": 1, "Ke": 0.1, "Kt": 0.1, "B": -1e-9, "J": 1, "Jafter": 0, "Bafter": 0,
-    });
-    assert_eq!(refused("plant", &motor), "B = -0.000000001 must not be negative");
 }
 
 #[cfg(target_os = "linux")]
