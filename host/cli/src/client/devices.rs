@@ -13,6 +13,7 @@ use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
 use motor_hub_client::error::or_reason;
 use motor_hub_client::{Error, Session};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::time::Duration;
 use studies::{table, with_fields};
@@ -37,15 +38,17 @@ pub(super) fn equipment_text(equipment: Equipment) -> String {
     if parts.is_empty() { "motors only".to_owned() } else { parts.join(", ") }
 }
 
-pub(super) fn equipment_json(equipment: Equipment) -> Value {
-    json!({
+/// Writes the devices of a hub as JSON; null if the hub does not report them.
+pub(super) fn equipment_json<S: Serializer>(equipment: &Option<Equipment>, to: S) -> Result<S::Ok, S::Error> {
+    let document = equipment.map(|equipment| json!({
         "servos": equipment.servos,
         "analog_inputs": equipment.analog,
         "digital_pins": pins().filter(|pin| equipment.digital & 1 << pin.get() != 0).map(Pin::get).collect::<Vec<_>>(),
         "i2c_buses": equipment.i2c,
         "measures_rail": equipment.rail,
         "measures_temperature": equipment.temperature,
-    })
+    }));
+    document.serialize(to)
 }
 
 fn pins() -> impl Iterator<Item = Pin> {

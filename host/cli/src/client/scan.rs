@@ -11,7 +11,8 @@ use motor_hub::board::Equipment;
 use motor_hub::protocol::Address;
 use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, OpenError, Session};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 use std::net::ToSocketAddrs;
 use std::panic::resume_unwind;
 use std::path::PathBuf;
@@ -42,16 +43,18 @@ pub(super) struct Options {
     json: bool,
 }
 
-/// A hub that was found at a place.
+/// A hub that was found at a place. The JSON document has these fields.
+#[derive(Serialize)]
 struct Found {
     address: u8,
     kind: &'static str,
     /// Version text of the hub; empty for several hubs with one address, and if a request to the hub failed.
     version: String,
     /// Devices of the hub other than motors; `None` if the hub does not report them.
-    equipment: Option<Equipment>,
+    #[serde(serialize_with = "equipment_json")]
+    has: Option<Equipment>,
     /// Why a request to the hub failed; `None` if all requests succeeded.
-    failure: Option<String>,
+    reason: Option<String>,
 }
 
 /// Returns a text for the kind of a hub: parent, child, or several hubs with one address.
@@ -92,7 +95,8 @@ impl Place {
     }
 }
 
-/// Result of the scan of one place.
+/// Result of the scan of one place. The JSON document has these fields.
+#[derive(Serialize)]
 struct Scanned {
     place: String,
     hubs: Vec<Found>,
@@ -138,8 +142,7 @@ impl Options {
         });
         let hubs: usize = scanned.iter().map(|place| place.hubs.len() + usize::from(place.in_use)).sum();
         if self.json {
-            let places: Vec<Value> = scanned.iter().map(document).collect();
-            print_json(&json!({ "places": places }))?;
+            print_json(&json!({ "places": scanned }))?;
         } else if !scanned.is_empty() {
             print(&text(&scanned))?;
         }
@@ -173,26 +176,17 @@ fn text(scanned: &[Scanned]) -> String {
         if let Some(reason) = reason {
             table.add_row([place, "", reason, ""]);
         }
-        for Found { address, kind, version, equipment, failure } in hubs {
+        for Found { address, kind, version, has, reason } in hubs {
             // A child is connected to its parent, whose row is above.
             let branch = if *kind == "parent" { "" } else { "└ " };
             let version = if version.is_empty() { String::new() } else { format!(", {version}") };
-            let failure = failure.as_ref().map_or_else(String::new, |why| format!(": {why}"));
-            let hub = format!("{branch}{kind}{version}{failure}");
-            let has = equipment.map(equipment_text).unwrap_or_default();
+            let reason = reason.as_ref().map_or_else(String::new, |why| format!(": {why}"));
+            let hub = format!("{branch}{kind}{version}{reason}");
+            let has = has.map(equipment_text).unwrap_or_default();
             table.add_row([place, &*address.to_string(), &hub, &has]);
         }
     }
     format!("{table}\n")
-}
-
-/// Returns a JSON document of a place and its hubs.
-fn document(Scanned { place, hubs, in_use, reason }: &Scanned) -> Value {
-    let hubs = hubs.iter().map(|Found { address, kind, version, equipment, failure }| {
-        let has = equipment.map(equipment_json);
-        json!({ "address": address, "kind": kind, "version": version, "has": has, "reason": failure })
-    });
-    json!({ "place": place, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
 /// Scans a place. A served hub that has a host receives nothing.
@@ -234,20 +228,15 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
     let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
-        let mut new = Found {
-            address: hub.address,
-            kind: kind(&hub),
-            version: String::new(),
-            equipment: None,
-            failure: None,
-        };
+        let mut new =
+            Found { address: hub.address, kind: kind(&hub), version: String::new(), has: None, reason: None };
         if !hub.duplicate {
             session.select_hub(address);
             match stop_and_identify(&mut session) {
-                Ok(answers) => (new.version, new.equipment) = answers,
+                Ok(answers) => (new.version, new.has) = answers,
                 // No further hub of this line can answer.
                 Err(error) if error.is_hung_up() => return Err(error.into()),
-                Err(error) => new.failure = Some(error.to_string()),
+                Err(error) => new.reason = Some(error.to_string()),
             }
         }
         found.push(new);
