@@ -1,6 +1,5 @@
 //! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated
 //! H743.
-#![cfg(unix)]
 
 use crate::common::{alone, client, err, folder, out, write};
 use crate::conformance::Hub;

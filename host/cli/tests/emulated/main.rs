@@ -1,4 +1,5 @@
 //! The program motor-hub with feature `emulated`: images of boards on emulated chips, over lines and in scenarios.
+#![cfg(unix)]
 
 mod client_update;
 mod command_line;

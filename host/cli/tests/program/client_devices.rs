@@ -1,15 +1,11 @@
 //! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
 use crate::client_program::client as fake_client;
-use crate::common::{self, client, err, fails, folder, out, scan, wait_for, write};
+use crate::common::{self, client, driving, err, fails, folder, out, scan, wait_for, write};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::board::{Equipment, SERVOS};
 use serde_json::{Value, json};
-#[cfg(unix)]
-use std::io::{BufRead, BufReader};
-#[cfg(unix)]
-use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -183,18 +179,6 @@ fn a_servo_and_an_output_are_on_while_their_commands_run() {
     assert_eq!(document(&hub, &["servo", "0"])["servos"][0]["width_us"], 0);
 }
 
-/// Starts a command that keeps an output on, and returns the process once the output is on.
-#[cfg(unix)]
-fn keeping_on(hub: &Hub, arguments: &[&str]) -> Child {
-    let mut command = Command::new(common::PROGRAM);
-    command.args(["client", "--tcp", &hub.place]).args(arguments);
-    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // The command prints one line.
-    BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut String::new()).unwrap();
-    process
-}
-
-#[cfg(unix)]
 #[test]
 fn ctrl_c_is_no_failure_of_a_command_that_keeps_an_output_on_without_a_duration() {
     let hub = Hub::served();
@@ -203,7 +187,7 @@ fn ctrl_c_is_no_failure_of_a_command_that_keeps_an_output_on_without_a_duration(
         (&["digital", "5", "low"], 0, ""),
         (&["servo", "1", "1500", "--for-s", "60"], 1, "error: stopped by Ctrl-C\n"),
     ] {
-        let process = keeping_on(&hub, arguments);
+        let process = driving(&hub, arguments);
         common::signal(process.id(), "-INT");
         let output = process.wait_with_output().unwrap();
         assert_eq!((output.status.code(), &*err(&output)), (Some(code), says), "{arguments:?}");
@@ -211,7 +195,6 @@ fn ctrl_c_is_no_failure_of_a_command_that_keeps_an_output_on_without_a_duration(
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_command() {
     let hub = Hub::served_with(&["--wire", "4,5"]);
@@ -219,7 +202,7 @@ fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_comman
         (["servo", "1", "1500"], "disabled servo 1, left running by another host\n"),
         (["digital", "5", "low"], "released digital pin 5, left as output by another host\n"),
     ] {
-        let mut process = keeping_on(&hub, &arguments);
+        let mut process = driving(&hub, &arguments);
         common::signal(process.id(), "-KILL");
         process.wait().unwrap();
         let asked = client(&hub, &["status"]);
@@ -234,13 +217,12 @@ fn the_servo_and_the_output_of_a_killed_host_are_switched_off_by_the_next_comman
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_command_fails_when_the_hub_has_switched_its_output_off() {
     // One hub for each command: a hub keeps the events of its status.
     let commands = [["servo", "1", "1500", "--for-s", "10"], ["digital", "5", "low", "--for-s", "10"]];
     let hubs = commands.map(|_| Hub::served());
-    let kept = [0, 1].map(|index| keeping_on(&hubs[index], &commands[index]));
+    let kept = [0, 1].map(|index| driving(&hubs[index], &commands[index]));
     kept.iter().for_each(|process| common::signal(process.id(), "-STOP"));
     // The hub's keep-alive ends after 2.5 s.
     sleep(Duration::from_secs(3));

@@ -1,5 +1,4 @@
 //! `motor-hub client jog` on a pseudo-terminal, against the served simulated hub.
-#![cfg(unix)]
 
 use crate::common::{PROGRAM, client, err, fails, json, signal, wait_for};
 use crate::conformance::Hub;

@@ -1,11 +1,11 @@
 //! `motor-hub client` against the hub's own side of the protocol, over TCP.
 
-use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, signal, wait_for};
+use crate::common::{err, fails, folder, json, motor_hub, out, signal, start_client, wait_for};
 use crate::hub_support::{Hub, Server};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{CountsPerSecond, EmfConstant, Milliamperes, Millivolts};
 use serde_json::Value;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 use std::time::{Duration, Instant};
 
 pub(crate) fn client(server: &Server, arguments: &[&str]) -> Output {
@@ -226,13 +226,10 @@ fn the_reason_of_a_refusal_is_shown() {
 }
 
 /// Starts a command that drives motor 0, makes the hub ignore all requests, and signals the command to end.
-#[cfg(unix)]
 fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     let server = Server::start(Hub::new());
-    let mut command = Command::new(PROGRAM);
-    command.args(["client", "--tcp", &server.address, "--address", "3", "--timeout", timeout]);
-    command.args(["power", "0", "0.5"]);
-    let process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let arguments = ["--address", "3", "--timeout", timeout, "power", "0", "0.5"];
+    let process = start_client(&server.address, &arguments);
     wait_for("an enabled motor", || server.hub().was_enabled[0].then_some(()));
     std::thread::sleep(Duration::from_millis(200));
     server.hub().deaf_for = u32::MAX;
@@ -241,7 +238,6 @@ fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     (server, process)
 }
 
-#[cfg(unix)]
 #[test]
 fn a_motor_that_could_not_be_disabled_is_warned_of() {
     let (_server, process) = interrupted_on_a_deaf_hub("300");
@@ -252,7 +248,6 @@ fn a_motor_that_could_not_be_disabled_is_warned_of() {
     assert!(says.contains("warning: motor 0 could not be disabled") && says.contains("2.5 s"), "{says}");
 }
 
-#[cfg(unix)]
 #[test]
 fn a_program_that_hangs_is_ended_by_another_signal_later() {
     let (_server, mut process) = interrupted_on_a_deaf_hub("60000");

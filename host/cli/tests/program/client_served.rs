@@ -1,13 +1,15 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 
 use crate::common::{
-    PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words, write,
+    PROGRAM, client, driving, err, fails, folder, json, made_folder, out, printed, scan, signal,
+    start_client, store, wait_for, words, write,
 };
 use crate::conformance::{Hub, packet};
 use crate::hub_support::{Hub as FakeHub, Server};
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
 
 fn status(hub: &Hub) -> Value {
     json(&client(hub, &["status", "--json"]))
@@ -59,30 +61,11 @@ fn an_identification_that_fails_names_the_reason_and_disables_the_motor() {
     let refused = client(&hub, &["identify", "1", "--travel", "3"]);
     fails(&refused, 1, "motor 1 was not identified");
     fails(&refused, 1, "travel");
-    let says = String::from_utf8(refused.stdout).unwrap();
+    let says = printed(&refused);
     assert!(says.contains("at most 3 counts"), "{says}");
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
 }
 
-/// Starts a command.
-#[cfg(unix)]
-fn start(hub: &Hub, arguments: &[&str]) -> Child {
-    let mut command = Command::new(PROGRAM);
-    command.args(["client", "--tcp", &hub.place]).args(arguments);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-/// Starts a command that drives motor 0, and returns the process once the motor turns. The standard output stays open,
-/// because the command would end without a reader.
-#[cfg(unix)]
-fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
-    let mut process = start(hub, arguments);
-    let mut reader = BufReader::new(process.stdout.take().unwrap());
-    reader.read_line(&mut String::new()).unwrap();
-    (process, reader)
-}
-
-#[cfg(unix)]
 #[test]
 fn every_signal_that_a_program_can_catch_stops_the_motors_of_its_command() {
     let hub = Hub::served();
@@ -98,7 +81,7 @@ fn every_signal_that_a_program_can_catch_stops_the_motors_of_its_command() {
         // Terminal and parent process may both send a signal.
         (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
     ] {
-        let (process, _reader) = driving(&hub, arguments);
+        let process = driving(&hub, arguments);
         signals.iter().for_each(|name| signal(process.id(), name));
         let output = process.wait_with_output().unwrap();
         fails(&output, 1, says);
@@ -110,17 +93,15 @@ fn every_signal_that_a_program_can_catch_stops_the_motors_of_its_command() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_reader_that_goes_away_stops_the_motors_too() {
     let hub = Hub::served();
-    let (process, reader) = driving(&hub, &["velocity", "0", "500"]);
-    drop(reader);
+    let mut process = driving(&hub, &["velocity", "0", "500"]);
+    drop(process.stdout.take());
     let output = process.wait_with_output().unwrap();
     fails(&output, 1, "disabled motor 0");
 }
 
-#[cfg(unix)]
 #[test]
 fn questions_disable_the_motor_of_a_killed_host() {
     let hub = Hub::served();
@@ -132,7 +113,7 @@ fn questions_disable_the_motor_of_a_killed_host() {
         &["coefficients", "0", "velocity"],
         &["velocity", "1", "100", "--for", "0.1"],
     ] {
-        let (mut process, _reader) = driving(&hub, &["velocity", "0", "500"]);
+        let mut process = driving(&hub, &["velocity", "0", "500"]);
         signal(process.id(), "-KILL");
         process.wait().unwrap();
         let asked = client(&hub, question);
@@ -150,9 +131,8 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     }
     assert!(err(&asked).starts_with("warning: motor 0: 30000 counts/s requested"), "{}", err(&asked));
     let folder = folder("not-reached");
-    let record = ["record", "--out", folder.to_str().unwrap(), "--"];
-    let recorded = [&record[..], &["velocity", "0,2", "30000", "--for", "0.3"]].concat();
-    fails(&client(&hub, &recorded), 1, "\ndisabled motors 0, 2\n");
+    let recorded = record(&hub, &folder, &["velocity", "0,2", "30000", "--for", "0.3"]);
+    fails(&recorded, 1, "\ndisabled motors 0, 2\n");
     assert!(!rows(&folder).is_empty() && folder.join("motor-2.svg").exists());
     let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
     let reached = client(&hub, &rpm);
@@ -205,7 +185,7 @@ fn a_group_that_loses_any_of_its_motors_fails_and_names_the_motor_and_its_fault(
         fails(&failed, 1, "left the group");
         fails(&failed, 1, "; motor 1: no counts although driven: the shaft is held");
         assert!(!err(&failed).contains("hub status"), "{}", err(&failed));
-        let shown = String::from_utf8(failed.stdout).unwrap();
+        let shown = printed(&failed);
         assert!(!shown.contains("all motors settled") && !shown.contains("heading"), "{shown}");
         // The second part of a course does not begin.
         assert_eq!(shown.matches("0.0 s").count(), 1, "{shown}");
@@ -228,7 +208,7 @@ fn a_motor_that_does_not_turn_has_its_reason_in_errors_and_in_lines() {
         fails(&failed, 1, error);
         fails(&failed, 1, "; motor 1: no counts although driven: the shaft is held");
         assert!(!err(&failed).contains("motor 0: "), "{}", err(&failed));
-        let shown = String::from_utf8(failed.stdout).unwrap();
+        let shown = printed(&failed);
         assert!(
             shown.contains("motor 1: 0 counts, 0 counts/s, 0.00 A, no counts although driven"),
             "{shown}"
@@ -236,11 +216,10 @@ fn a_motor_that_does_not_turn_has_its_reason_in_errors_and_in_lines() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_scan_finds_hubs_on_ports_and_gives_the_reason_where_it_finds_none() {
     let (tcp, pty) = (Hub::served(), Hub::start(&["--pty", "--address", "9"]));
-    let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
+    let link = Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
     let _ = std::fs::remove_file(&link);
     std::os::unix::fs::symlink(&pty.place, &link).unwrap();
     let link = link.to_str().unwrap();
@@ -317,7 +296,6 @@ fn a_scan_opens_a_place_that_is_named_twice_once() {
     assert!(!found.contains("localhost"), "{found}");
 }
 
-#[cfg(unix)]
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     use std::io::Read;
@@ -376,7 +354,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
 #[test]
 fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
-    let port = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
+    let port = Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
     std::fs::write(&port, "").unwrap();
     std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o0)).unwrap();
     let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
@@ -395,8 +373,13 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     }
 }
 
+/// Records a drive to a folder.
+fn record(hub: &Hub, folder: &Path, drive: &[&str]) -> Output {
+    client(hub, &[&["record", "--out", folder.to_str().unwrap(), "--"], drive].concat())
+}
+
 /// The rows of a recording, by heading.
-fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, String>> {
+fn rows(folder: &Path) -> Vec<HashMap<String, String>> {
     let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
     assert!(text.ends_with('\n'), "the last row is whole");
     let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
@@ -413,8 +396,7 @@ fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, Strin
 fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
     let hub = Hub::served();
     let folder = folder("record");
-    let record = ["record", "--out", folder.to_str().unwrap(), "--", "velocity", "all", "400", "--for", "2"];
-    let shown = out(&client(&hub, &record));
+    let shown = out(&record(&hub, &folder, &["velocity", "all", "400", "--for", "2"]));
     let rows = rows(&folder);
     assert!(rows.len() > 4 * 90, "{} rows: {shown}", rows.len());
     let last = &rows[rows.len() - 4];
@@ -464,13 +446,11 @@ fn a_battery_voltage_that_the_hub_does_not_know_is_unknown() {
 fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
     let hub = Hub::served();
     let folder = folder("constant-current");
-    let record = ["record", "--out", folder.to_str().unwrap(), "--"];
     let drive = ["current", "0", "-0.6", "--speed-limit-cps", "500", "--for-s", "1.5"];
-    out(&client(&hub, &[&record[..], &drive].concat()));
+    out(&record(&hub, &folder, &drive));
     let rows = rows(&folder);
     assert!(rows.iter().all(|row| row["setpoint"] == "current" && row["setpoint_value"] == "-0.6"));
-    let number =
-        |row: &std::collections::HashMap<String, String>, key: &str| row[key].parse::<f64>().unwrap();
+    let number = |row: &HashMap<String, String>, key: &str| row[key].parse::<f64>().unwrap();
     // The motor accelerates with the current until it is as fast as its limit.
     let largest = rows.iter().map(|row| number(row, "current_a")).fold(0.0, f64::max);
     assert!((largest - 0.6).abs() < 0.05, "{largest} A");
@@ -481,13 +461,12 @@ fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }
 
-#[cfg(unix)]
 #[test]
 fn a_recording_that_is_interrupted_is_whole_and_drawn() {
     let hub = Hub::served();
     let folder = folder("interrupted");
     let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
-    let process = start(&hub, &record);
+    let process = start_client(&hub.place, &record);
     let csv = folder.join("record.csv");
     // Rows are written while the motor runs.
     let lines = || std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count());
@@ -532,11 +511,17 @@ fn tune_warns_of_a_wrong_type_and_says_what_a_hub_assumes_without_a_type() {
     let text = "name = \"a\"\nduration_s = 10\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n[[motors]]\n\
                 label = \"a\"\nmotor = \"NeveRest 60\"\nconfigured = \"nothing\"\n";
     let hub = Hub::served_with(&["--scenario", &write(&folder("tune-type"), "a.toml", text)]);
-    let told = client(&hub, &["tune", "0"]);
+    let told = client(&hub, &["tune", "0", "--gentle"]);
     assert_eq!(err(&told), "note: no --type given, and a hub that was never set up assumes a NeveRest 60\n");
     // The back EMF found is shown beside that of the catalogue, with its standard error.
     let shown = out(&told);
-    assert!(shown.contains("back EMF and drag") && shown.contains("off by"), "{shown}");
+    for says in ["turns at most", "back EMF and drag", "off by", "inertia", "in force until the hub's reset"]
+    {
+        assert!(shown.contains(says), "{says}: {shown}");
+    }
+    // With --gentle the acceleration has a limit.
+    assert!(!shown.contains("no limit") && !shown.contains("not configured"), "{shown}");
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
     let refused = client(&hub, &["tune", "0", "--travel-counts", "300"]);
     fails(&refused, 1, "allow more travel, at least 7");
     fails(&refused, 1, "acceleration per volt, decay and friction that were configured before stay in force");
@@ -544,16 +529,4 @@ fn tune_warns_of_a_wrong_type_and_says_what_a_hub_assumes_without_a_type() {
     let warning = json(&other)["warning"].as_str().expect("a warning").to_owned();
     assert!(warning.starts_with("probably not a Matrix 12 V: "), "{warning}");
     assert_eq!(err(&other), format!("warning: {warning}\n"));
-}
-
-#[test]
-#[ignore = "long: cargo xtask long"]
-fn a_motor_is_tuned_by_one_command_and_gently_if_asked() {
-    let hub = Hub::served();
-    let shown = out(&client(&hub, &["tune", "0", "--gentle"]));
-    for says in ["turns at most", "NeveRest 20", "inertia", "in force until the hub's reset"] {
-        assert!(shown.contains(says), "{says}: {shown}");
-    }
-    assert!(!shown.contains("no limit") && !shown.contains("not configured"), "{shown}");
-    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
 }

@@ -1,12 +1,11 @@
 //! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
 
 use crate::client_program::client;
-use crate::common::{PROGRAM, err, fails, folder, motor_hub, out, signal, wait_for, write};
+use crate::common::{err, fails, folder, motor_hub, out, signal, start_client, wait_for, write};
 use crate::hub_support::{Hub, SIGNATURE, SIGNATURE_OF_OLDER, SLOT, Server, started};
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::Packet;
 use motor_hub::update::{Booted, Slot, public_key};
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
@@ -51,7 +50,6 @@ fn an_update_that_was_rolled_back_fails_with_both_versions() {
     assert!(err(&output).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&output));
 }
 
-#[cfg(unix)]
 #[test]
 fn ctrl_c_while_the_hub_exchanges_the_images_says_that_the_update_goes_on() {
     let file = write(&folder("client-update-ctrl-c"), "newer.bin", image("mh9.9.9"));
@@ -62,9 +60,8 @@ fn ctrl_c_while_the_hub_exchanges_the_images_says_that_the_update_goes_on() {
         seen.fetch_or(packet.id == HubFunction::Restart.id(), Relaxed) || seen.load(Relaxed)
     });
     let server = Server::start(Hub { loses_reply, ..with_slot(SLOT) });
-    let update =
-        ["client", "--tcp", &server.address, "--address", "3", "--timeout-ms", "200", "update", &file];
-    let process = Command::new(PROGRAM).args(update).stderr(Stdio::piped()).spawn().unwrap();
+    let update = ["--address", "3", "--timeout-ms", "200", "update", &file];
+    let process = start_client(&server.address, &update);
     wait_for("restart", || restarts.load(Relaxed).then_some(()));
     signal(process.id(), "-INT");
     let output = process.wait_with_output().unwrap();

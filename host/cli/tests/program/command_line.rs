@@ -1,13 +1,9 @@
 //! The command line: exit codes, outputs, and what a run shows.
 
-use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out};
+use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, printed};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
+use std::process::Command;
 
 #[test]
 fn wrong_options_are_refused_without_output() {
@@ -102,14 +98,11 @@ fn a_run_lists_its_expectations_and_fails_if_one_is_not_met() {
         std::fs::write(&scenario, format!("{sound}{more}")).unwrap();
         let run = ["run", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
         let output = motor_hub(&run);
-        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stdout));
-        assert!(
-            text(&output.stdout).contains(cell) && text(&output.stdout).contains("-10 to 9000"),
-            "{}",
-            text(&output.stdout)
-        );
+        let tables = printed(&output);
+        assert_eq!(output.status.code(), Some(code), "{tables}");
+        assert!(tables.contains(cell) && tables.contains("-10 to 9000"), "{tables}");
         let said = if code == 1 { "1 of 2 expectations are not met" } else { "" };
-        assert!(text(&output.stderr).contains(said));
+        assert!(err(&output).contains(said));
 
         let output = motor_hub(&[&run[..], &["--json"]].concat());
         assert_eq!(output.status.code(), Some(code));
@@ -124,15 +117,14 @@ fn a_run_lists_its_expectations_and_fails_if_one_is_not_met() {
 
 #[test]
 fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
-    let out = folder("motor");
-    let arguments = ["--motor", "matrix b", "--scheme", "D", "--time", "2", "--out", out.to_str().unwrap()];
-    let output = motor_hub(&arguments);
-    assert!(output.status.success());
-    let tables = text(&output.stdout);
+    let folder = folder("motor");
+    let folder = folder.to_str().unwrap();
+    let arguments = ["--motor", "matrix b", "--scheme", "D", "--time", "2", "--out", folder];
+    let tables = out(&motor_hub(&arguments));
     assert!(tables.starts_with("flywheel brought to ") && !tables.contains("inf s"), "{tables}");
     assert!(tables.contains("flywheel: Matrix 12 V-B") && tables.contains("scheme D, automatic"), "{tables}");
     assert!(!tables.contains("winch"));
-    assert!(tables.contains(out.to_str().unwrap()));
+    assert!(tables.contains(folder));
 }
 
 const AT: [&str; 6] = ["--motor", "AM 60 A", "--speed-cps", "1360", "--battery-mv", "12000"];
@@ -149,8 +141,8 @@ fn points_are_those_of_the_firmware() {
     assert!((named[2].1 - 14_805.468).abs() < 0.01, "{named:?}");
     assert!(out.join("points.svg").is_file());
 
-    let output = motor_hub(&[&["points", "--scheme", "B"][..], &AT].concat());
-    assert!(text(&output.stdout).contains("-10197.72"), "{}", text(&output.stdout));
+    let table = printed(&motor_hub(&[&["points", "--scheme", "B"][..], &AT].concat()));
+    assert!(table.contains("-10197.72"), "{table}");
 }
 
 #[test]
@@ -195,7 +187,7 @@ fn motors_are_learned_and_drawn_and_one_under_load_is_refused() {
     let arguments = ["identify", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
     let refused = motor_hub(&arguments);
     assert_eq!(refused.status.code(), Some(1));
-    assert!(text(&refused.stdout).contains("refused: the motor was not at rest before the motion"));
+    assert!(printed(&refused).contains("refused: the motor was not at rest before the motion"));
 }
 
 #[test]
@@ -322,26 +314,19 @@ fn a_back_emf_that_the_firmware_cannot_represent_is_refused() {
 fn a_closed_standard_output_ends_a_command_silently() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let ended = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
-        .arg("motors")
-        .stdout(writer)
-        .stderr(Stdio::piped())
-        .spawn()
-        .and_then(Child::wait_with_output)
-        .unwrap();
+    let ended = Command::new(PROGRAM).arg("motors").stdout(writer).output().unwrap();
     assert_eq!((ended.status.code(), err(&ended)), (Some(1), String::new()));
 }
 
 #[test]
 fn tables_and_words_are_no_wider_than_a_terminal_of_80_columns() {
-    let out = folder("narrow");
-    let out = ["--out", out.to_str().unwrap()];
+    let folder = folder("narrow");
+    let folder = ["--out", folder.to_str().unwrap()];
     for command in [&["run", "--time-s", "0.2"][..], &["compare", "--quick"], &["paper"], &["identify"]] {
-        let place = if command[0] == "paper" { &[][..] } else { &out };
-        let tables = motor_hub(&[command, place].concat());
-        assert!(tables.status.success(), "{}", err(&tables));
+        let place = if command[0] == "paper" { &[][..] } else { &folder };
+        let tables = out(&motor_hub(&[command, place].concat()));
         // But for the paths of what was written.
-        for row in text(&tables.stdout).lines().filter(|line| !line.contains(out[1])) {
+        for row in tables.lines().filter(|line| !line.contains(folder[1])) {
             assert!(row.chars().count() <= 80, "{command:?}: {row}");
         }
     }
@@ -356,19 +341,18 @@ fn what_is_recorded_has_a_help_page_of_its_own() {
 
 #[test]
 fn every_command_has_a_manual_page_and_shells_can_complete_it() {
-    let out = folder("man");
-    assert!(motor_hub(&["man", "--out", out.to_str().unwrap()]).status.success());
+    let folder = folder("man");
+    assert!(motor_hub(&["man", "--out", folder.to_str().unwrap()]).status.success());
     for (page, says) in [
         ("motor-hub.1", "proportional braking"),
         ("motor-hub-run.1", "period\\-ms"),
         ("motor-hub-client-velocity.1", "for\\-s"),
     ] {
-        let page = std::fs::read_to_string(out.join(page)).expect(page);
+        let page = std::fs::read_to_string(folder.join(page)).expect(page);
         assert!(page.starts_with(".ie") && page.contains(says), "{page}");
     }
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let script = motor_hub(&["completions", shell]);
-        assert!(text(&script.stdout).contains("battery-mv"), "{shell}");
+        assert!(out(&motor_hub(&["completions", shell])).contains("battery-mv"), "{shell}");
     }
     assert!(err(&motor_hub(&["completions", "tcsh"])).contains("possible values: bash"));
 }

@@ -1,7 +1,7 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
 use crate::client_update::{KEY, RUNS, image, with_slot};
-use crate::common::{PROGRAM, client, err, fails, folder, json as document, motor_hub, store, write};
+use crate::common::{client, err, fails, folder, json as document, motor_hub, store, write};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server};
 use crate::page::{Dashboard, Page};
@@ -9,8 +9,7 @@ use motor_hub::extension::settings::Group;
 use motor_hub::store::Found;
 use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::io::{BufRead, Read};
 use std::time::{Duration, Instant};
 
 #[test]
@@ -355,17 +354,13 @@ fn export(page: &mut Page) -> String {
     page.message("file")["text"].as_str().unwrap().to_owned()
 }
 
-/// Sends an image of 3000 bytes more as a page does, and returns the last message of the update.
-fn update(page: &mut Page, image: &[u8]) -> Value {
-    update_signed(page, image, Value::Null)
-}
-
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// As [`update`], with a signature and its key.
-fn update_signed(page: &mut Page, image: &[u8], seal: Value) -> Value {
+/// Sends an image of 3000 bytes more as a page does, with a signature and its key in `seal` or unsigned. Returns the last
+/// message of the update.
+fn update(page: &mut Page, image: &[u8], seal: Value) -> Value {
     let mut image = image.to_vec();
     image.resize(image.len() + 3000, 0xA5);
     let version = String::from_utf8_lossy(&image[8..]).split('\0').next().unwrap().to_owned();
@@ -397,9 +392,9 @@ fn new_firmware_is_sent_while_frames_go_on_and_the_page_shows_the_result() {
     let server = Server::start(with_slot(SLOT));
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
-    let done = update(&mut page, &image(RUNS));
+    let done = update(&mut page, &image(RUNS), Value::Null);
     assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
-    let other = update(&mut page, &image("mh9.9.9"));
+    let other = update(&mut page, &image("mh9.9.9"), Value::Null);
     assert_eq!(other["state"], "failed");
     assert!(other["text"].as_str().unwrap().contains("but the image sent is HW"), "{other}");
 }
@@ -416,11 +411,11 @@ fn a_hub_with_a_key_takes_only_signed_firmware_from_a_page() {
         (seal(&SIGNATURE[1..], KEY), "the signature has 63 bytes; an Ed25519 signature has 64"),
         (seal(&SIGNATURE, b"-----BEGIN"), "the key is not an Ed25519 public key in DER"),
     ] {
-        let refused = update_signed(&mut page, &image(RUNS), seal);
+        let refused = update(&mut page, &image(RUNS), seal);
         let why = refused["why"].as_str().or(refused["text"].as_str()).unwrap();
         assert!(refused["state"] != "done" && why.contains(says), "{refused}");
     }
-    let done = update_signed(&mut page, &image(RUNS), seal(&SIGNATURE, KEY));
+    let done = update(&mut page, &image(RUNS), seal(&SIGNATURE, KEY));
     assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
 }
 
@@ -430,10 +425,10 @@ fn firmware_for_no_slot_is_refused_before_it_is_sent() {
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
     let elsewhere = [&[0; 8], &image(RUNS)[8..]].concat();
-    let refused = update(&mut page, &elsewhere);
+    let refused = update(&mut page, &elsewhere, Value::Null);
     assert!(refused["why"].as_str().unwrap().contains("begins at 0x00000000, outside"), "{refused}");
     let simulated = Dashboard::start(&[]);
-    let refused = update(&mut Page::ready(&simulated), &image(RUNS));
+    let refused = update(&mut Page::ready(&simulated), &image(RUNS), Value::Null);
     assert!(refused["why"].as_str().unwrap().contains("no bootloader"), "{refused}");
     assert!(
         page.refused("firmware", json!({ "offset": 7, "hex": "00" }))
@@ -479,18 +474,13 @@ fn a_lost_hub_is_reported_and_found_again() {
 
 #[test]
 fn a_page_for_other_machines_prints_its_url_as_a_square_code() {
-    let mut program = Command::new(PROGRAM);
-    program.args(["dashboard", "--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut program = program.spawn().unwrap();
-    let mut lines = BufReader::new(program.stdout.take().unwrap()).lines().map(Result::unwrap);
-    let url = lines.next().unwrap();
+    let mut dashboard = Dashboard::start(&["--listen", "127.0.0.1:0"]);
+    let mut lines = dashboard.output.by_ref().lines().map(Result::unwrap);
     let first = lines.next().unwrap();
     let width = first.chars().count();
     // Two rows of modules are a line. The margin of four modules is light.
     let rows: Vec<String> = std::iter::once(first).chain(lines.take(width.div_ceil(2) - 1)).collect();
-    program.kill().unwrap();
-    program.wait().unwrap();
-    assert!(url.starts_with("http://127.0.0.1:") && width >= 21 + 8, "{url}");
+    assert!(dashboard.url.starts_with("http://127.0.0.1:") && width >= 21 + 8, "{}", dashboard.url);
     assert!(rows.iter().all(|row| row.chars().count() == width && row.starts_with("████")), "{rows:#?}");
     assert!(rows.iter().take(2).all(|row| row.chars().all(|module| module == '█')), "{rows:#?}");
     // The corner of the first finder pattern: a dark line over a light one.

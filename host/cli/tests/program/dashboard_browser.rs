@@ -2,8 +2,8 @@
 
 use crate::browser::Tab;
 use crate::browser::page::{
-    ENTER, ESCAPE, PANELS, SPACE, card, drive, focus, live, motor, off, pictures, theme, unobstructed,
-    with_page, with_page_of, with_two_pages,
+    ENTER, ESCAPE, PANELS, SPACE, card, drive, focus, live, motor, off, open_all, pictures, theme,
+    unobstructed, with_page, with_page_of, with_two_pages,
 };
 use crate::page::{Dashboard, Page};
 use serde_json::json;
@@ -81,8 +81,7 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
     with_page(|tab| {
         drive(tab, 0, 800);
-        // Also all parts of which the user opens one at a time.
-        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
+        open_all(tab);
         for (width, height) in
             [(1280, 1000), (768, 1024), (390, 844), (320, 640), (1366, 768), (1920, 1080), (3840, 2160)]
         {

@@ -1,7 +1,7 @@
 //! Accessibility of the page of `motor-hub dashboard` in a real browser, by axe-core.
 
 use crate::browser::Tab;
-use crate::browser::page::{PANELS, drive, motor, take_control, theme, with_page};
+use crate::browser::page::{PANELS, drive, motor, open_all, take_control, theme, with_page};
 use crate::common::made_folder;
 use std::io::Write;
 use std::process::Command;
@@ -76,8 +76,7 @@ fn axe_finds_nothing_on_any_panel_at_any_size_in_any_theme() {
         tab.click("#tab-record");
         tab.click("#panel-record button.primary");
         tab.click("#curves-button");
-        // Also all parts of which the user opens one at a time.
-        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
+        open_all(tab);
         let mut found = Vec::new();
         for (width, height) in SIZES {
             tab.resize(width, height);

@@ -1,7 +1,7 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
 use crate::browser::page::{
-    card, drive, drive_until, focus, live, motor, mouse, number, off, open, point, press,
+    card, drive, drive_until, focus, live, motor, mouse, number, off, open, open_all, point, press,
     with_driver_and_viewer, with_page, with_page_of, with_two_pages,
 };
 use crate::browser::{Browser, Tab, find};
@@ -377,7 +377,7 @@ fn an_empty_field_and_a_text_that_is_no_number_change_nothing_and_are_named() {
         }
         tab.ask("dashboard.link.order('acceleration', { motor: 0, limit: 2000 })");
         tab.wait("dashboard.state.settings[0].undoable === 1");
-        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
+        open_all(tab);
         for (panel, field, button, name) in [
             ("tune", "[aria-label=\"P of the velocity loop\"]", "Set", "P of the velocity loop"),
             ("setup", "[id=\"field-acceleration_limit_cps2\"]", "Apply changes", "acceleration_limit_cps2"),

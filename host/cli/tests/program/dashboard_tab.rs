@@ -162,20 +162,13 @@ fn connect(tab: &mut Tab<'_>, hub: &Hub) {
 }
 
 #[test]
-fn a_hub_on_a_serial_port_is_driven_and_stopped_from_the_file() {
-    with_file(|tab| {
-        let hub = Hub::served();
-        connect(tab, &hub);
-        tab.press(ESCAPE);
-        println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
-    });
-}
-
-#[test]
-fn an_unplugged_hub_is_reported_and_its_keep_alive_disables_its_motors() {
+fn a_hub_on_a_serial_port_is_stopped_and_its_keep_alive_disables_its_motors_when_it_is_unplugged() {
     let hub = Hub::served();
     with_file(|tab| {
         connect(tab, &hub);
+        tab.press(ESCAPE);
+        println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
+        drive(tab, 0, 700);
         tab.ask("window.socket.close()");
         tab.wait("document.querySelector('#line').textContent.startsWith('Hub not connected')");
         tab.wait("document.querySelector('#serial').textContent === 'Connect a hub'");

@@ -216,29 +216,24 @@ fn a_motor_is_the_document_s_or_of_the_catalogue_by_any_of_its_names() {
 
 #[test]
 fn a_bad_case_gets_an_error_and_the_others_are_answered() {
+    let case = |formula: &str, inputs: Value| json!({ "id": "bad", "formula": formula, "inputs": inputs });
+    let state = |state: Value| case("bridge_state", json!({ "state": state }));
     let good = json!({ "id": "good", "formula": "bridge_state", "inputs": { "state": 9 } });
+    let mut misspelled = state(json!(9));
+    misspelled["outpts"] = json!({});
     for (bad, says) in [
-        (json!({ "id": "bad", "formula": "magic", "inputs": {} }), "unknown formula"),
-        (json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 16 } }), "0 to 15"),
-        (json!({ "id": "bad", "formula": "bridge_state", "inputs": {} }), "state is missing"),
+        (case("magic", json!({})), "unknown formula"),
+        (state(json!(16)), "0 to 15"),
+        (state(json!(1e300)), "input state = 1e300 must be a whole number"),
+        (case("bridge_state", json!({})), "state is missing"),
         (json!({ "id": "bad", "formula": "bridge_state" }), "no inputs"),
         (json!({ "id": "bad" }), "no formula"),
-        (json!({ "id": "bad", "formula": "keFw", "inputs": { "Ke": "x", "countsPerRev": 28 } }), "a number"),
-        (json!({ "id": "bad", "formula": "keFw", "inputs": { "Ke": 1, "countsPerRev": 0 } }), "above 0"),
-        (json!({ "id": "bad", "formula": "keFw", "inputs": { "Ke": 1, "countsPerRev": 1 } }), "below 32"),
-        (json!({ "id": "bad", "formula": "plant", "inputs": { "motor": "?" } }), "no motor"),
-        (
-            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 9, "stat": 9 } }),
-            "unknown input stat; allowed: state",
-        ),
-        (
-            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 9 }, "outpts": {} }),
-            "unknown key outpts; allowed: id, formula, inputs, outputs",
-        ),
-        (
-            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 1e300 } }),
-            "input state = 1e300 must be a whole number",
-        ),
+        (case("keFw", json!({ "Ke": "x", "countsPerRev": 28 })), "a number"),
+        (case("keFw", json!({ "Ke": 1, "countsPerRev": 0 })), "above 0"),
+        (case("keFw", json!({ "Ke": 1, "countsPerRev": 1 })), "below 32"),
+        (case("plant", json!({ "motor": "?" })), "no motor"),
+        (case("bridge_state", json!({ "state": 9, "stat": 9 })), "unknown input stat; allowed: state"),
+        (misspelled, "unknown key outpts; allowed: id, formula, inputs, outputs"),
     ] {
         let output = eval(&json!({ "cases": [bad, good] }).to_string());
         assert_eq!(output.status.code(), Some(1), "{bad}");

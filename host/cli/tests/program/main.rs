@@ -1,5 +1,6 @@
 //! Runs the program motor-hub with arguments. All tests are in one binary, because most of them wait in real time and can run
-//! in parallel.
+//! in parallel. They need Unix: signals, pseudo-terminals, and the notes of served hubs.
+#![cfg(unix)]
 
 mod browser;
 mod client_devices;
@@ -17,7 +18,6 @@ mod dashboard_browser;
 mod dashboard_devices;
 mod dashboard_looks;
 mod dashboard_panels;
-#[cfg(unix)]
 mod dashboard_safety;
 mod dashboard_tab;
 mod eval;

@@ -54,9 +54,7 @@ fn assert_agree(section: &str, documents: &[Value]) {
 }
 
 fn json(arguments: &[&str]) -> Value {
-    let output = motor_hub(arguments);
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("{arguments:?}: {e}: {}", String::from_utf8_lossy(&output.stderr)))
+    common::json(&motor_hub(arguments))
 }
 
 #[test]

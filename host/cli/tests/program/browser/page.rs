@@ -184,6 +184,13 @@ pub(crate) fn open(tab: &mut Tab<'_>, words: &str) {
     ));
 }
 
+/// Opens all parts of all panels, of which a user opens one at a time.
+pub(crate) fn open_all(tab: &mut Tab<'_>) {
+    tab.ask(
+        "document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })",
+    );
+}
+
 /// Clicks the button with these words.
 pub(crate) fn press(tab: &mut Tab<'_>, words: &str) {
     tab.ask(&format!(

@@ -2,8 +2,9 @@
 
 use crate::conformance::Hub;
 use serde_json::Value;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -23,6 +24,22 @@ pub(crate) fn client(hub: &Hub, arguments: &[&str]) -> Output {
     motor_hub(&[&["client", line, &hub.place], arguments].concat())
 }
 
+/// Starts `client` for a hub on a TCP port.
+pub(crate) fn start_client(place: &str, arguments: &[&str]) -> Child {
+    let mut command = Command::new(PROGRAM);
+    command.args(["client", "--tcp", place]).args(arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
+}
+
+/// Starts `client` for a hub on a TCP port, and returns the process once it has printed a line: then a motor is enabled, or
+/// an output is on.
+pub(crate) fn driving(hub: &Hub, arguments: &[&str]) -> Child {
+    let mut process = start_client(&hub.place, arguments);
+    let mut printed = BufReader::new(process.stdout.as_mut().expect("standard output"));
+    printed.read_line(&mut String::new()).expect("a line");
+    process
+}
+
 /// Runs `client scan` for these places, and for hubs that have left a note in a folder. The serial ports of this machine are not
 /// scanned. A row of the table has one line also for a long path.
 pub(crate) fn scan(notes: &Path, arguments: &[&str]) -> Output {
@@ -37,7 +54,6 @@ pub(crate) fn words(text: &str) -> String {
 }
 
 /// Sends a signal, such as `-INT`, to a process.
-#[cfg(unix)]
 pub(crate) fn signal(process: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.to_string()]).status().expect("kill").success());
 }
@@ -88,11 +104,17 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Standard output.
+#[track_caller]
+pub(crate) fn printed(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
 /// Standard output of a run that succeeded.
 #[track_caller]
 pub(crate) fn out(output: &Output) -> String {
     assert!(output.status.success(), "{}", err(output));
-    String::from_utf8(output.stdout.clone()).unwrap()
+    printed(output)
 }
 
 /// Standard error.
@@ -113,5 +135,5 @@ pub(crate) fn fails(output: &Output, code: i32, says: &str) {
     let words = err(output);
     assert_eq!(output.status.code(), Some(code), "{says}: {words}");
     assert!(words.contains(says), "{says:?} is not in: {words}");
-    assert!(code != 2 || output.stdout.is_empty(), "{says}: {}", String::from_utf8_lossy(&output.stdout));
+    assert!(code != 2 || output.stdout.is_empty(), "{says}: {}", printed(output));
 }

@@ -4,7 +4,7 @@ use crate::common::{PATIENCE, PROGRAM};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket, client};
@@ -13,6 +13,8 @@ use tungstenite::{Error, Message, WebSocket, client};
 pub(crate) struct Dashboard {
     process: Child,
     pub(crate) url: String,
+    /// Standard output after the URL.
+    pub(crate) output: BufReader<ChildStdout>,
 }
 
 impl Dashboard {
@@ -26,8 +28,9 @@ impl Dashboard {
         command.arg("dashboard").args(arguments).envs(variables.iter().copied());
         let mut process = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut url = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
-        Self { process, url: url.trim().to_owned() }
+        let mut output = BufReader::new(process.stdout.take().unwrap());
+        output.read_line(&mut url).unwrap();
+        Self { process, url: url.trim().to_owned(), output }
     }
 
     /// Asks the program to end, and waits until it has.
