@@ -86,11 +86,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turn_a_second_is_60_rpm_and_two_pi_radians() {
-        assert_eq!(shaft_speed(-1680, 1680.0), (-60.0, -TAU));
-    }
-
-    #[test]
     fn speeds_are_counts_or_turns_of_the_shaft() {
         let cps = |text: &str| text.parse::<Speed>().unwrap().cps(Some(1680.0)).unwrap();
         assert_eq!(

@@ -1,6 +1,6 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 
-use crate::common::{client, fails, folder, json, motor_hub, out, store, write};
+use crate::common::{client, fails, json, out, printed, store};
 use crate::conformance::Hub;
 use serde_json::Value;
 use std::path::Path;
@@ -165,20 +165,9 @@ fn commands_for_stored_settings_fail_at_a_hub_without_a_store() {
     fails(&client(&hub, &["settings", "export"]), 1, "export needs a hub that stores settings");
     let imported = client(&hub, &["settings", "import", &file, "--save"]);
     fails(&imported, 1, "this hub does not have it");
-    assert_eq!(String::from_utf8_lossy(&imported.stdout), format!("the settings of {file} are in force\n"));
+    assert_eq!(printed(&imported), format!("the settings of {file} are in force\n"));
     let said = out(&client(&hub, &["set-address", "9"]));
     assert_eq!(said, "the hub's address is 9 until the next reset: the hub stores no settings\n");
-}
-
-#[test]
-fn a_file_that_is_no_store_is_refused_and_left_alone() {
-    let file = write(&folder("settings-no-store"), "letter.txt", "Dear hub,");
-    for (path, says) in
-        [(file.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
-    {
-        fails(&motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]), 2, says);
-    }
-    assert_eq!(std::fs::read_to_string(&file).unwrap(), "Dear hub,");
 }
 
 #[test]

@@ -15,25 +15,11 @@ fn a_hub_that_stores_settings_conforms_over_tcp() {
     conforms(&mut Hub::served_with(&["--store", &store("serve-conforms")]).tcp());
 }
 
-#[cfg(unix)]
 #[test]
 fn a_hub_that_stores_nothing_conforms_over_a_serial_port() {
     conforms(&mut Hub::start(&["--pty"]).serial());
 }
 
-#[test]
-fn hosts_come_and_go_while_time_goes_on() {
-    let hub = Hub::served();
-    drive(&mut hub.tcp());
-    // The first host has closed the connection. Its motor turns until the keep-alive of 2.5 s has ended.
-    let mut second = hub.tcp();
-    assert!(second.enabled());
-    second.order(0x7F05, &[]);
-    drop(second);
-    assert!(!hub.tcp().enabled());
-}
-
-#[cfg(unix)]
 #[test]
 fn requests_before_the_end_of_a_connection_are_executed() {
     use std::io::Write;
@@ -84,7 +70,6 @@ fn a_wire_connects_two_digital_pins() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_link_names_the_port_until_the_program_ends() {
     use std::fs::{read_link, remove_file};
@@ -134,7 +119,6 @@ fn a_port_is_opened_again_and_again_and_what_one_host_leaves_unread_is_not_for_t
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
     use std::io::{Read, Write};
@@ -166,6 +150,7 @@ fn wrong_options_are_refused() {
         (&["--pty", "--for", "-1"], "more than 0"),
         (&["--pty", "--for", "0"], "more than 0"),
         (&["--pty", "--scenario", "/no/such/file"], "/no/such/file"),
+        (&["--pty", "--store", "/no/such/file"], "/no/such/file: "),
     ] {
         fails(&serve(arguments), 2, says);
     }
@@ -191,17 +176,6 @@ fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
 }
 
 #[test]
-fn a_host_that_is_silent_gives_way_to_another() {
-    use std::io::Read;
-    let hub = Hub::served();
-    let mut silent = std::net::TcpStream::connect(&hub.place).unwrap();
-    std::thread::sleep(Duration::from_millis(5200));
-    assert!(!hub.tcp().enabled());
-    silent.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
-    assert_eq!(silent.read(&mut [0; 8]).unwrap(), 0, "nothing comes but the end");
-}
-
-#[test]
 fn a_store_is_one_hubs_alone() {
     let store = store("store-of-one");
     let options = ["--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
@@ -211,7 +185,6 @@ fn a_store_is_one_hubs_alone() {
     out(&serve(&options));
 }
 
-#[cfg(unix)]
 #[test]
 fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
     let store = store("store-cut-short");
