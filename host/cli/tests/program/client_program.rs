@@ -98,16 +98,8 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     let show = ["setup", "2", "--json"];
     let set_up = |options: &[&str]| json(&client(&server, &[&show, options].concat()));
     let before = set_up(&[]);
-    let after = set_up(&[
-        "--ke",
-        "0.02",
-        "--counts-per-rev",
-        "12",
-        "--resistance-ohm",
-        "2.5",
-        "--inductance-mh",
-        "0.8",
-    ]);
+    let shaft = ["--ke", "0.02", "--counts-per-rev", "12"];
+    let after = set_up(&[&shaft[..], &["--resistance-ohm", "2.5", "--inductance-mh", "0.8"]].concat());
     // 2000 pi Ke / counts.
     assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
     assert_eq!((&after["resistance_ohm"], &after["inductance_mh"]), (&2.5.into(), &0.8.into()));

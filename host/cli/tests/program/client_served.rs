@@ -219,8 +219,7 @@ fn a_motor_that_does_not_turn_has_its_reason_in_errors_and_in_lines() {
 #[test]
 fn a_scan_finds_hubs_on_ports_and_gives_the_reason_where_it_finds_none() {
     let (tcp, pty) = (Hub::served(), Hub::start(&["--pty", "--address", "9"]));
-    let link = Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
-    let _ = std::fs::remove_file(&link);
+    let link = made_folder("hub-of-a-scan").join("link");
     std::os::unix::fs::symlink(&pty.place, &link).unwrap();
     let link = link.to_str().unwrap();
     let notes = folder("no-notes");
@@ -354,8 +353,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
 #[test]
 fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
-    let port = Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
-    std::fs::write(&port, "").unwrap();
+    let port = write(&folder("locked"), "port", "");
     std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o0)).unwrap();
     let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
     for command in ["status", "scan"] {
@@ -367,7 +365,7 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
         } else {
             Command::new(PROGRAM)
         };
-        let denied = denied.args(["client", "--port"]).arg(&port).arg(command).output().unwrap();
+        let denied = denied.args(["client", "--port", &port, command]).output().unwrap();
         let says = err(&denied);
         assert!(says.contains("permission denied") && says.contains("70-motor-hub.rules"), "{says}");
     }
@@ -429,11 +427,9 @@ fn a_speed_is_judged_by_its_last_half_second_at_any_rate_of_a_recording() {
 
 #[test]
 fn a_battery_voltage_that_the_hub_does_not_know_is_unknown() {
-    let scenario = folder("no-battery").with_extension("toml");
     let text = "name = \"low\"\nduration_s = 30\nbattery = { emf_v = 1, resistance_ohm = 0 }\n\
                 [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
-    std::fs::write(&scenario, text).unwrap();
-    let hub = Hub::served_with(&["--scenario", scenario.to_str().unwrap()]);
+    let hub = Hub::served_with(&["--scenario", &write(&folder("no-battery"), "low.toml", text)]);
     let document = status(&hub);
     assert_eq!(document["battery_v"], Value::Null);
     // Three channels have no motor.

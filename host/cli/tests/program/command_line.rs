@@ -1,6 +1,6 @@
 //! The command line: exit codes, outputs, and what a run shows.
 
-use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, printed};
+use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, printed, write};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -8,9 +8,7 @@ use std::process::Command;
 #[test]
 fn wrong_options_are_refused_without_output() {
     let out = folder("refused");
-    let scenario = out.with_extension("toml");
-    std::fs::write(&scenario, "name = 1\n").unwrap();
-    let scenario = scenario.to_str().unwrap();
+    let scenario = &write(&folder("refused-scenario"), "wrong.toml", "name = 1\n");
     for (arguments, says) in [
         (&["--period-ms", "0"][..], "a control period is a whole number from 1 to 100 ms"),
         (&["--period", "101"], "1 to 100 ms"),
@@ -26,7 +24,7 @@ fn wrong_options_are_refused_without_output() {
         (&["--motor", "AM 61 A"], "NeveRest 60, NeveRest 60-B"),
         (&["--motor", "x", "--motor", "x", "--motor", "x", "--motor", "x", "--motor", "x"], "5 times"),
         (&["--scenario", "/no/such/file"], "/no/such/file"),
-        (&["--scenario", scenario], "refused.toml:1:8:"),
+        (&["--scenario", scenario], "wrong.toml:1:8:"),
         (&["--wrong"], "--wrong"),
     ] {
         fails(&motor_hub(&[&["run", "--out", out.to_str().unwrap()], arguments].concat()), 2, says);
@@ -90,13 +88,12 @@ fn proportional_braking_slows_down_more_gently_than_none() {
 #[test]
 fn a_run_lists_its_expectations_and_fails_if_one_is_not_met() {
     let out = folder("expected");
-    let scenario = out.with_extension("toml");
     let sound = "name = \"s\"\nduration_s = 0.5\nbattery = { emf_v = 12.0, resistance_ohm = 0.05 }\n\
         [[motors]]\nlabel = \"one\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n\
         [[expect]]\nspeed_between_cps = [-10, 9000]\n";
     for (more, code, cell) in [("", 0, "met"), ("never = [\"forward\"]\n", 1, "NOT MET")] {
-        std::fs::write(&scenario, format!("{sound}{more}")).unwrap();
-        let run = ["run", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
+        let scenario = write(&out, "sound.toml", format!("{sound}{more}"));
+        let run = ["run", "--scenario", &scenario, "--out", out.to_str().unwrap()];
         let output = motor_hub(&run);
         let tables = printed(&output);
         assert_eq!(output.status.code(), Some(code), "{tables}");

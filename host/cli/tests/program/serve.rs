@@ -1,6 +1,6 @@
 //! A host uses the served hub over a serial port and over TCP.
 
-use crate::common::{PROGRAM, client, fails, motor_hub, out, signal, store};
+use crate::common::{PROGRAM, client, fails, made_folder, motor_hub, out, signal, store};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -73,9 +73,8 @@ fn a_wire_connects_two_digital_pins() {
 #[test]
 fn a_link_names_the_port_until_the_program_ends() {
     use std::fs::{read_link, remove_file};
-    let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("serve-link");
+    let link = made_folder("serve-link").join("link");
     let path = link.to_str().unwrap();
-    let _ = remove_file(&link);
     let refused = |says: &str| {
         let output = serve(&["--pty", "--for", "1", "--link", path]);
         fails(&output, 2, path);
