@@ -4,9 +4,10 @@ use crate::output::{Failure, print, print_json};
 use crate::parse::number;
 use motor_hub::model::catalogue::{CatalogueEntry, Motor, catalogue};
 use motor_hub::model::si::Volts;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
-use studies::table;
+use studies::{table, with_fields};
 
 /// List the motors of the catalogue: names, counts, speeds, currents
 #[derive(clap::Args)]
@@ -19,29 +20,30 @@ pub(crate) struct Options {
     json: bool,
 }
 
-/// Counts, free speed, stall current and stall torque of a motor's output shaft at a battery voltage.
+/// Counts, free speed, stall current and stall torque of a motor's output shaft at a battery voltage. The JSON document
+/// has these fields.
+#[derive(Serialize)]
 struct Figures {
-    counts_per_turn: f64,
-    cps: f64,
-    rad_per_s: f64,
-    stall_a: f64,
-    stall_nm: f64,
+    counts_per_turn_of_output: f64,
+    free_speed_cps: f64,
+    free_speed_rpm: f64,
+    free_speed_rad_per_s: f64,
+    stall_current_a: f64,
+    stall_torque_nm: f64,
 }
 
 impl Figures {
     fn new(motor: &Motor, volts: f64) -> Self {
         let w = motor.free_speed(Volts(volts)).0;
+        let free_speed_rad_per_s = w / motor.gear_ratio;
         Self {
-            counts_per_turn: motor.counts_per_rev_output(),
-            cps: w * motor.counts_per_rev_motor / TAU,
-            rad_per_s: w / motor.gear_ratio,
-            stall_a: volts / motor.r.0,
-            stall_nm: motor.stall_torque(Volts(volts)).0 * motor.gear_ratio * motor.eta,
+            counts_per_turn_of_output: motor.counts_per_rev_output(),
+            free_speed_cps: w * motor.counts_per_rev_motor / TAU,
+            free_speed_rpm: 60.0 * free_speed_rad_per_s / TAU,
+            free_speed_rad_per_s,
+            stall_current_a: volts / motor.r.0,
+            stall_torque_nm: motor.stall_torque(Volts(volts)).0 * motor.gear_ratio * motor.eta,
         }
-    }
-
-    fn rpm(&self) -> f64 {
-        60.0 * self.rad_per_s / TAU
     }
 }
 
@@ -60,12 +62,12 @@ impl Options {
             table.add_row([
                 entry.name.to_owned(),
                 entry.aliases().collect::<Vec<_>>().join(", "),
-                format!("{:.0}", of.counts_per_turn),
-                format!("{:.0}", of.cps),
-                format!("{:.0}", of.rpm()),
-                format!("{:.1}", of.rad_per_s),
-                format!("{:.1}", of.stall_a),
-                format!("{:.1}", of.stall_nm),
+                format!("{:.0}", of.counts_per_turn_of_output),
+                format!("{:.0}", of.free_speed_cps),
+                format!("{:.0}", of.free_speed_rpm),
+                format!("{:.1}", of.free_speed_rad_per_s),
+                format!("{:.1}", of.stall_current_a),
+                format!("{:.1}", of.stall_torque_nm),
             ]);
         }
         print(&format!(
@@ -78,21 +80,16 @@ impl Options {
     }
 }
 
-fn document(entry: &CatalogueEntry, motor: &Motor, of: &Figures) -> Value {
-    json!({
+fn document(entry: &CatalogueEntry, motor: &Motor, figures: &Figures) -> Value {
+    let more = json!({
         "name": entry.name,
         "aliases": entry.aliases().collect::<Vec<_>>(),
-        "counts_per_turn_of_output": of.counts_per_turn,
         "gear_ratio": motor.gear_ratio,
         "ke_v_s_per_rad": motor.ke.0,
         "counts_per_rev": motor.counts_per_rev_motor,
         "resistance_ohm": motor.r.0,
         "inductance_mh": 1e3 * motor.l.0,
-        "free_speed_cps": of.cps,
-        "free_speed_rpm": of.rpm(),
-        "free_speed_rad_per_s": of.rad_per_s,
-        "stall_current_a": of.stall_a,
-        "stall_torque_nm": of.stall_nm,
         "caveats": entry.caveats,
-    })
+    });
+    with_fields(json!(figures), more)
 }

@@ -10,6 +10,7 @@ use motor_hub::units::Millivolts;
 use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::why_still;
 use motor_hub_client::{Error, Session};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -107,23 +108,18 @@ impl Reading {
     /// shaft.
     pub(crate) fn json(&self, motors: &[u8], counts_per_turn: Option<f64>) -> Value {
         let motors: Vec<Value> = motors_of(&self.bulk, motors)
-            .map(|MotorReading { motor, position, velocity, within_tolerance }| {
-                let mut document = json!({
-                    "motor": motor,
-                    "position": position,
-                    "velocity": velocity,
-                    "within_tolerance": within_tolerance,
-                });
+            .map(|reading| {
+                let mut document = json!(reading);
                 if let Some(counts_per_turn) = counts_per_turn {
-                    let (rpm, rad) = shaft_speed(velocity, counts_per_turn);
+                    let (rpm, rad) = shaft_speed(reading.velocity, counts_per_turn);
                     document = with_fields(document, json!({ "rpm": rpm, "rad_per_s": rad }));
                 }
-                if let Some(report) = self.reported(motor) {
+                if let Some(report) = self.reported(reading.motor) {
                     let more = json!({
                         // This value in steps (-32767 to 32767) replaces the share of full control in [`MotorValues`].
                         "control": report.control.get(),
                         "enabled": report.enabled,
-                        "why_still": self.why(motor),
+                        "why_still": self.why(reading.motor),
                     });
                     document = with_fields(with_fields(document, json!(MotorValues::of(report))), more);
                 }
@@ -157,7 +153,8 @@ fn bridge(values: &MotorValues) -> String {
     format!("{regime} {mode} {:.0} %", 100.0 * values.duty)
 }
 
-/// One motor of a bulk answer.
+/// One motor of a bulk answer. JSON documents have these fields.
+#[derive(Serialize)]
 pub(super) struct MotorReading {
     pub(super) motor: u8,
     /// Position in counts.

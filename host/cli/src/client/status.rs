@@ -14,7 +14,7 @@ use motor_hub_client::motor::MotorState;
 use motor_hub_client::reasons::bus_text;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
-use studies::table;
+use studies::{table, with_fields};
 
 /// Shows status, version, battery, LED and all motors; disables running motors first
 #[derive(clap::Args)]
@@ -117,22 +117,20 @@ impl HubStatus {
     fn json(&self) -> Value {
         let motors: Vec<Value> = self
             .motors()
-            .map(|(channel, MotorReading { motor, position, velocity, within_tolerance })| {
-                json!({
-                    "motor": motor,
-                    "mode": mode(channel.mode),
-                    "zero_behaviour": zero_behaviour(channel.zero_power),
-                    "enabled": channel.enabled,
-                    "power": channel.power.to_f64(),
-                    "target_velocity": channel.velocity,
-                    "target_position": channel.position.counts,
-                    "tolerance": channel.position.tolerance,
-                    "position": position,
-                    "velocity": velocity,
-                    "within_tolerance": within_tolerance,
-                    "heat_percent": self.condition(motor).map(|is| f64::from(is.heat) / 10.0),
-                    "condition": self.condition(motor).map(condition_words),
-                })
+            .map(|(state, reading)| {
+                let condition = self.condition(reading.motor);
+                let more = json!({
+                    "mode": mode(state.mode),
+                    "zero_behaviour": zero_behaviour(state.zero_power),
+                    "enabled": state.enabled,
+                    "power": state.power.to_f64(),
+                    "target_velocity": state.velocity,
+                    "target_position": state.position.counts,
+                    "tolerance": state.position.tolerance,
+                    "heat_percent": condition.map(|is| f64::from(is.heat) / 10.0),
+                    "condition": condition.map(condition_words),
+                });
+                with_fields(json!(reading), more)
             })
             .collect();
         let Colour { red, green, blue } = self.led;
