@@ -141,8 +141,8 @@ mod tests {
     /// Collects the errors for the values "-1", "99999999999999999999" and "x1" of each option and of each first
     /// argument.
     fn complaints(path: &[String], command: &Clap, all: &mut Vec<(String, String)>) {
-        let awaits = |arg: &&Arg| arg.get_action().takes_values() && !arg.is_trailing_var_arg_set();
-        for arg in command.get_arguments().filter(awaits) {
+        let takes_value = |arg: &&Arg| arg.get_action().takes_values() && !arg.is_trailing_var_arg_set();
+        for arg in command.get_arguments().filter(takes_value) {
             if arg.get_index().is_some_and(|index| index > 1) {
                 continue;
             }

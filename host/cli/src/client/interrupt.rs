@@ -47,8 +47,8 @@ static RECEIVED_SIGNAL: OnceLock<&str> = OnceLock::new();
 /// Makes signals end the command in good order instead of ending the program. A command calls this function once.
 pub(super) fn listen() -> Result<(), Failure> {
     let raised = Arc::new(AtomicUsize::new(0));
-    for (place, (signal, _)) in (1..).zip(SIGNALS.iter().chain(SUSPENDS)) {
-        register_usize(*signal, Arc::clone(&raised), place)
+    for (number, (signal, _)) in (1..).zip(SIGNALS.iter().chain(SUSPENDS)) {
+        register_usize(*signal, Arc::clone(&raised), number)
             .map_err(|error| Failure::Work(format!("no handler for signals could be installed: {error}")))?;
     }
     #[cfg(windows)]
@@ -62,9 +62,9 @@ fn watch(raised: &AtomicUsize) {
     let mut first: Option<Instant> = None;
     loop {
         thread::sleep(CHECK_INTERVAL);
-        let place = raised.swap(0, Ordering::Relaxed);
+        let number = raised.swap(0, Ordering::Relaxed);
         let mut signals = SIGNALS.iter().chain(SUSPENDS);
-        let signal = place.checked_sub(1).and_then(|place| signals.nth(place)).map(|(_, name)| *name);
+        let signal = number.checked_sub(1).and_then(|number| signals.nth(number)).map(|(_, name)| *name);
         #[cfg(windows)]
         let signal = signal.or_else(console::ended);
         let Some(name) = signal else { continue };

@@ -73,20 +73,20 @@ impl Options {
         let session = &mut hub.open(drive.hub())?;
         let interval = Duration::from_secs(1) / self.rate;
         // Between two recorded readings the motors are read as often as the judgement of a speed needs.
-        let parts = JUDGED_HZ.div_ceil(self.rate);
-        let mut progress = Progress::new(&motion, interval / parts);
+        let readings_per_row = JUDGED_HZ.div_ceil(self.rate);
+        let mut progress = Progress::new(&motion, interval / readings_per_row);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
         let mut recorder = Recorder::new(&self.out, &words, &motion)?;
         let done = DrivingSession::run(session, |driven| {
             motion.begin(driven)?;
             let mut checked = Instant::now();
             let mut readings = 0_u32;
-            let settled = repeat(interval / parts, motion.length, |since| {
+            let settled = repeat(interval / readings_per_row, motion.length, |since| {
                 if checked.elapsed() > CHECK {
                     motion.check(driven)?;
                     checked = Instant::now();
                 }
-                let recorded = readings.is_multiple_of(parts);
+                let recorded = readings.is_multiple_of(readings_per_row);
                 readings = readings.wrapping_add(1);
                 recorder.read(driven, &motion, since, recorded, &mut progress)
             })?;

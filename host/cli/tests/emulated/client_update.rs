@@ -49,9 +49,9 @@ fn a_hub_takes_new_firmware_over_its_line_and_confirms_it() {
     }
 
     let began = Instant::now();
-    let told = out(&client(&hub, &["update", &file]));
-    println!("updated in {:?}:\n{told}", began.elapsed());
-    assert!(told.contains("Eng: 2, mh9.9.9, confirmed"), "{told}");
+    let updated = out(&client(&hub, &["update", &file]));
+    println!("updated in {:?}:\n{updated}", began.elapsed());
+    assert!(updated.contains("Eng: 2, mh9.9.9, confirmed"), "{updated}");
     let status = out(&client(&hub, &["status"]));
     assert!(status.contains("mh9.9.9"), "{status}");
 }

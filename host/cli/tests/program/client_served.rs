@@ -244,8 +244,8 @@ fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_addres
     fails(&refused, 1, "another hub on the line has address 3: choose another address");
     // Another program gives the parent the address of a child.
     let mut other = hub.tcp();
-    other.say(&packet(2, 1, 0x7F06, &[3]));
-    assert!(!other.hear().is_empty());
+    other.send(&packet(2, 1, 0x7F06, &[3]));
+    assert!(!other.receive_all().is_empty());
     drop(other);
     // The hub refuses a host until it notices that the other program is gone.
     let found = wait_for("a hub without a host", || {
@@ -507,10 +507,10 @@ fn tune_warns_of_a_wrong_type_and_says_what_a_hub_assumes_without_a_type() {
     let text = "name = \"a\"\nduration_s = 10\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n[[motors]]\n\
                 label = \"a\"\nmotor = \"NeveRest 60\"\nconfigured = \"nothing\"\n";
     let hub = Hub::served_with(&["--scenario", &write(&folder("tune-type"), "a.toml", text)]);
-    let told = client(&hub, &["tune", "0", "--gentle"]);
-    assert_eq!(err(&told), "note: no --type given, and a hub that was never set up assumes a NeveRest 60\n");
+    let tuned = client(&hub, &["tune", "0", "--gentle"]);
+    assert_eq!(err(&tuned), "note: no --type given, and a hub that was never set up assumes a NeveRest 60\n");
     // The back EMF found is shown beside that of the catalogue, with its standard error.
-    let shown = out(&told);
+    let shown = out(&tuned);
     for says in ["turns at most", "back EMF and drag", "off by", "inertia", "in force until the hub's reset"]
     {
         assert!(shown.contains(says), "{says}: {shown}");

@@ -113,7 +113,7 @@ fn a_port_is_opened_again_and_again_and_what_one_host_leaves_unread_is_not_for_t
         drop(port);
         std::thread::sleep(Duration::from_millis(50));
         let mut next = hub.serial();
-        assert_eq!(next.hear(), Vec::<u8>::new(), "{linger_ms} ms");
+        assert_eq!(next.receive_all(), Vec::<u8>::new(), "{linger_ms} ms");
         assert!(!next.enabled());
     }
 }

@@ -52,7 +52,7 @@ pub(crate) struct Browser {
     number: u64,
     /// Events that have arrived, except packets of WebSockets.
     events: Vec<Value>,
-    /// True if a server has told a page that the page in control showed nothing for 1 s.
+    /// True if a server has notified a page that the page in control showed nothing for 1 s.
     was_starved: bool,
 }
 

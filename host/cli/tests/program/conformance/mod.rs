@@ -132,15 +132,15 @@ impl<L: Read + Write> Host<L> {
     }
 
     /// All bytes until the line is silent.
-    pub(crate) fn hear(&mut self) -> Vec<u8> {
-        let (mut heard, mut chunk) = (Vec::new(), [0; 512]);
+    pub(crate) fn receive_all(&mut self) -> Vec<u8> {
+        let (mut received, mut chunk) = (Vec::new(), [0; 512]);
         while let Ok(length @ 1..) = self.line.read(&mut chunk) {
-            heard.extend(&chunk[..length]);
+            received.extend(&chunk[..length]);
         }
-        heard
+        received
     }
 
-    pub(crate) fn say(&mut self, bytes: &[u8]) {
+    pub(crate) fn send(&mut self, bytes: &[u8]) {
         self.line.write_all(bytes).unwrap();
         self.line.flush().unwrap();
     }
@@ -187,7 +187,7 @@ impl<L: Read + Write> Host<L> {
 
     fn ask_as(&mut self, number: u8, kind: u16, payload: &[u8]) -> Reply {
         self.number = number;
-        self.say(&packet(HUB, number, kind, payload));
+        self.send(&packet(HUB, number, kind, payload));
         let (answered, reply, _) =
             self.reply().unwrap_or_else(|| panic!("no reply to {kind:04x} {payload:02x?}"));
         assert!(!matches!(reply, Data(_)) || answered == kind, "{kind:04x} {reply:?}");
@@ -211,9 +211,9 @@ impl<L: Read + Write> Host<L> {
 
     /// Checks that the hub does not answer these bytes.
     pub(crate) fn is_ignored(&mut self, bytes: &[u8]) {
-        self.say(bytes);
-        let heard = self.hear();
-        assert!(heard.is_empty(), "{bytes:02x?} was answered {heard:02x?}");
+        self.send(bytes);
+        let received = self.receive_all();
+        assert!(received.is_empty(), "{bytes:02x?} was answered {received:02x?}");
     }
 
     pub(crate) fn enabled(&mut self) -> bool {
@@ -227,7 +227,7 @@ impl<L: Read + Write> Host<L> {
 
 /// Checks framing: packets in any order and at any speed, broken packets, and noise.
 fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
-    assert!(host.hear().is_empty(), "the hub sends nothing on its own");
+    assert!(host.receive_all().is_empty(), "the hub sends nothing on its own");
     // The attention bit is set until the reset has been read and cleared. A parameter other than 0 or 1 is refused.
     assert!(host.order(KEEP_ALIVE, &[]));
     assert_eq!(host.ask(STATUS, &[2]), Nack(0));
@@ -263,20 +263,20 @@ fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
         (&swallowed, 700),
         (&good[..7], 700),
     ] {
-        host.say(garbage);
+        host.send(garbage);
         sleep(Duration::from_millis(pause));
         host.number = 9;
-        host.say(&good);
+        host.send(&good);
         let answered = host.reply().map(|(_, reply, _)| reply);
         assert_eq!(answered, Some(Ack(false)), "after {garbage:02x?}");
     }
     // Packets arrive in pieces, or several together.
     for byte in &good {
-        host.say(&[*byte]);
+        host.send(&[*byte]);
         sleep(Duration::from_millis(1));
     }
     assert_eq!(host.reply().map(|reply| reply.1), Some(Ack(false)));
-    host.say(&good.repeat(20));
+    host.send(&good.repeat(20));
     let numbers: Vec<u8> = (0..20).map(|_| host.reply().unwrap().2).collect();
     assert!(numbers.windows(2).all(|pair| pair[0] != pair[1]));
 }
@@ -410,8 +410,8 @@ fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
     damaged[10] ^= 0x80;
     for _ in 0..3 {
         sleep(Duration::from_millis(900));
-        host.say(&damaged);
-        host.say(&packet(7, 1, KEEP_ALIVE, &[]));
+        host.send(&damaged);
+        host.send(&packet(7, 1, KEEP_ALIVE, &[]));
     }
     assert!(host.order(KEEP_ALIVE, &[]), "attention");
     assert!(!host.enabled());
@@ -428,7 +428,7 @@ fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
 
 pub(crate) fn conforms(host: &mut Host<impl Read + Write>) {
     // The hub is found without its address.
-    host.say(&packet(255, 0, 0x7F0F, &[]));
+    host.send(&packet(255, 0, 0x7F0F, &[]));
     assert_eq!(host.reply().map(|(kind, reply, _)| (kind, reply)), Some((0x7F0F, Data(vec![1]))));
     // No motor moves before a command.
     assert_eq!([0, 1, 2, 3].map(|motor| host.counts(motor)), [0; 4]);
