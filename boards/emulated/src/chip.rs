@@ -57,60 +57,11 @@ macro_rules! same_on_every_chip {
     };
 }
 
-/// Methods of [`Device`] that pass a call on to the emulator's model in a field.
-macro_rules! forward {
-    ($field:ident: $($method:ident),+) => {
-        $(forward!(@$method $field);)+
-    };
-    (@read $field:ident) => {
-        fn read(
-            &mut self,
-            register: Register,
-            registers: &mut RegisterFile,
-            context: &mut DeviceContext<'_>,
-        ) -> Option<u64> {
-            self.$field.read(register, registers, context)
-        }
-    };
-    (@write $field:ident) => {
-        fn write(
-            &mut self,
-            register: Register,
-            value: u64,
-            registers: &mut RegisterFile,
-            context: &mut DeviceContext<'_>,
-        ) {
-            self.$field.write(register, value, registers, context);
-        }
-    };
-    (@on_clock $field:ident) => {
-        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-            self.$field.on_clock(hz, registers, context);
-        }
-    };
-    (@on_request $field:ident) => {
-        fn on_request(
-            &mut self,
-            request: RequestChange,
-            registers: &mut RegisterFile,
-            context: &mut DeviceContext<'_>,
-        ) {
-            self.$field.on_request(request, registers, context);
-        }
-    };
-    (@reset_line $field:ident) => {
-        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-            self.$field.reset_line(registers, context);
-        }
-    };
-}
-
-mod analog_watchdog;
 mod bus_lines;
+mod converter;
 mod f427;
 mod flash_interface;
 mod h743;
-mod late_converter;
 mod sampling_capacitor;
 mod servo_timer;
 mod watchdog;

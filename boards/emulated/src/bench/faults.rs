@@ -40,21 +40,14 @@ impl Bench {
         self.post(move |surroundings, _, _| surroundings.current_lines[motor] = line);
     }
 
-    /// Makes the next conversion of a current take longer by this time.
+    /// Makes the running or the next conversion of a converter take longer by this time. ADC2 (`number` 2) measures the currents, and
+    /// ADC3 the reference and the analog inputs.
     ///
     /// # Panics
     /// Panics on another chip than the H743. A converter of the F427 has a data register for each current, so a late conversion
     /// has no effect.
-    pub fn delay_currents(&mut self, time: Duration) {
-        self.on_h743(move |chip, _| chip.delay_currents(nanos(time)));
-    }
-
-    /// Makes the running conversion of the reference or an analog input take longer by this time.
-    ///
-    /// # Panics
-    /// Panics on another chip than the H743.
-    pub fn delay_inputs(&mut self, time: Duration) {
-        self.on_h743(move |chip, _| chip.delay_inputs(nanos(time)));
+    pub fn delay_conversion(&mut self, number: usize, time: Duration) {
+        self.on_h743(move |chip, _| chip.converters[number - 1].next_is_late_by = Some(nanos(time)));
     }
 
     /// Makes a bridge pull its DIAG line low if `low` is true, like a bridge that has switched itself off. Otherwise
@@ -138,7 +131,7 @@ impl Bench {
     /// # Panics
     /// Panics on another chip than the H743.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
-        self.on_h743(move |chip, _| chip.flash().faults = faults);
+        self.on_h743(move |chip, _| chip.flash.faults = faults);
     }
 
     /// Makes the flash stay busy until the chip is reset.
@@ -146,7 +139,7 @@ impl Bench {
     /// # Panics
     /// Panics on another chip than the H743.
     pub fn hold_flash(&mut self) {
-        self.on_h743(|chip, _| chip.flash().never_ends = true);
+        self.on_h743(|chip, _| chip.flash.never_ends = true);
     }
 
     /// Runs a function with the chip and the present virtual time in ns. Panics on another chip than the H743.

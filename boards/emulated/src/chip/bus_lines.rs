@@ -1,6 +1,7 @@
 //! The two lines of an I2C bus, which a device can hold low: a device that stretches the clock, hangs, or waits in
 //! the middle of a byte. The emulator's devices answer immediately and hold no line.
 
+use delegate::delegate;
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::{stm32f427, stm32h743};
 use rigless::time::EventId;
@@ -111,7 +112,17 @@ where
 {
     type Register = C::Register;
 
-    forward!(controller: on_clock, on_request);
+    delegate! {
+        to self.controller {
+            fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+            fn on_request(
+                &mut self,
+                request: RequestChange,
+                registers: &mut RegisterFile,
+                context: &mut DeviceContext<'_>,
+            );
+        }
+    }
 
     fn read(
         &mut self,

@@ -2,6 +2,7 @@
 //! errors that no access has caused. The last store of a word can arrive after the core has read the status register. An
 //! operation may never end.
 
+use delegate::delegate;
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::flash::{Register, sr1, sr2};
@@ -118,22 +119,18 @@ impl Device for Interface {
         self.flash.write_region(address, width, value, registers, context)
     }
 
-    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.flash.on_event(event, registers, context);
-    }
-
-    fn on_access(
-        &mut self,
-        token: u64,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.flash.on_access(token, value, registers, context);
-    }
-
-    fn on_refused(&mut self, token: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.flash.on_refused(token, registers, context);
+    delegate! {
+        to self.flash {
+            fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+            fn on_refused(&mut self, token: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+            fn on_access(
+                &mut self,
+                token: u64,
+                value: u64,
+                registers: &mut RegisterFile,
+                context: &mut DeviceContext<'_>,
+            );
+        }
     }
 
     fn reset(&mut self) {

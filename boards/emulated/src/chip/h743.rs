@@ -1,8 +1,7 @@
 //! The STM32H743 (RM0433). Models of the emulator are replaced where the firmware needs more: the
-//! [watchdog](super::watchdog), the [analog watchdog](super::analog_watchdog) of a converter, and the [flash
-//! interface](super::flash_interface). The voltage detector is wired to the EXTI. A conversion of the currents can be
-//! [late](super::late_converter). The [timers](super::servo_timer) of the servos show their pins, and I2C devices can hold the
-//! [lines](super::bus_lines) of their buses.
+//! [watchdog](super::watchdog), the [converters](super::converter), and the [flash interface](super::flash_interface). The
+//! voltage detector is wired to the EXTI. The [timers](super::servo_timer) of the servos show their pins, and I2C devices
+//! can hold the [lines](super::bus_lines) of their buses.
 
 use std::path::Path;
 
@@ -26,10 +25,9 @@ use rigless::soc::stm32h743::peripherals::tim::{ADVANCED_TIMERS, Stm32h743Family
 use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
-use super::analog_watchdog::AdcWithWatchdog;
 use super::bus_lines::Lines;
+use super::converter::Converter;
 use super::flash_interface::Interface;
-use super::late_converter::DelayedAdc;
 use super::servo_timer::{Edge, ServoTimer};
 use super::watchdog::Watchdog;
 use super::{Part, RAIL_MV, StoredRegisters, core, peek};
@@ -90,13 +88,9 @@ pub(crate) struct Chip {
     full_timer: bool,
     plain_timer: StoredRegisters,
     watchdog: Watchdog,
-    /// ADC1.
-    converter: AdcWithWatchdog,
-    flash: Interface,
-    /// ADC2.
-    currents: DelayedAdc,
-    /// ADC3.
-    inputs: DelayedAdc,
+    /// ADC1, ADC2 and ADC3.
+    pub(crate) converters: [Converter; 3],
+    pub(crate) flash: Interface,
     connections: Connections,
     power_dead: bool,
     plain_power: StoredRegisters,
@@ -112,12 +106,10 @@ impl Chip {
         let mut part = Stm32h743::new()?;
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
-        let mut converter = AdcWithWatchdog::new(adc::Converter::Adc1);
-        let mut currents = DelayedAdc::new(adc::Converter::Adc2);
-        let mut inputs = DelayedAdc::new(adc::Converter::Adc3);
-        for converter in [&mut converter.converter, &mut currents.converter, &mut inputs.converter] {
-            converter.set_reference(RAIL_MV);
-            converter.set_backup_battery(RAIL_MV);
+        let mut converters = adc::Converter::ALL.map(Converter::new);
+        for converter in &mut converters {
+            converter.emulated.set_reference(RAIL_MV);
+            converter.emulated.set_backup_battery(RAIL_MV);
         }
         Ok(Self {
             part,
@@ -134,31 +126,14 @@ impl Chip {
             buses: i2c::INSTANCES.iter().map(|bus| Lines::new(bus.name, I2c::default())).collect(),
             plain_timer: StoredRegisters(&tim1::REGISTERS),
             watchdog: Watchdog::default(),
-            converter,
+            converters,
             flash: Interface::default(),
-            currents,
-            inputs,
             connections,
             power_dead: false,
             plain_power: StoredRegisters(&pwr::REGISTERS),
             supply_low: false,
             battery_open: false,
         })
-    }
-
-    /// Makes the next conversion of a current end later by this time.
-    pub(crate) fn delay_currents(&mut self, nanos: u64) {
-        self.currents.next_is_late_by = Some(nanos);
-    }
-
-    /// Makes the running conversion of the reference or an analog input end later by this time.
-    pub(crate) fn delay_inputs(&mut self, nanos: u64) {
-        self.inputs.next_is_late_by = Some(nanos);
-    }
-
-    /// Returns the flash with its faults.
-    pub(crate) fn flash(&mut self) -> &mut Interface {
-        &mut self.flash
     }
 
     /// Sets the revision of the chip, REV_ID.
@@ -174,10 +149,8 @@ impl Mcu for Chip {
         self.part.reset(at, cause);
         self.connections.reset();
         Device::reset(&mut self.watchdog);
-        Device::reset(&mut self.converter);
+        self.converters.iter_mut().for_each(Device::reset);
         Device::reset(&mut self.flash);
-        Device::reset(&mut self.currents);
-        Device::reset(&mut self.inputs);
         self.servos.iter_mut().for_each(|servo| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(Device::reset);
     }
@@ -195,9 +168,9 @@ impl Mcu for Chip {
         let model: &mut dyn ErasedDevice = match name {
             "TIM1" if !self.full_timer => &mut self.plain_timer,
             "PWR" if self.power_dead => &mut self.plain_power,
-            "ADC1" => &mut self.converter,
-            "ADC2" => &mut self.currents,
-            "ADC3" => &mut self.inputs,
+            "ADC1" => &mut self.converters[0],
+            "ADC2" => &mut self.converters[1],
+            "ADC3" => &mut self.converters[2],
             "Flash" => &mut self.flash,
             "IWDG" => &mut self.watchdog,
             _ => {
@@ -279,7 +252,7 @@ impl Part for Chip {
         // ADC12_INP15 is PA3.
         let channel = adc::Channel::new(15).expect("a channel on a pin");
         if !self.battery_open {
-            self.converter.converter.set_input(channel, millivolts);
+            self.converters[0].emulated.set_input(channel, millivolts);
         }
     }
 
@@ -290,20 +263,20 @@ impl Part for Chip {
     fn set_current(&mut self, motor: usize, millivolts: u32) {
         // ADC12_INP10, INP5, INP3 and INP19 are PC0, PB1, PA6 and PA5.
         let channel = adc::Channel::new([10, 5, 3, 19][motor]).expect("a channel on a pin");
-        self.currents.converter.set_input(channel, millivolts);
+        self.converters[1].emulated.set_input(channel, millivolts);
     }
 
     fn set_analog(&mut self, input: usize, millivolts: u32) {
         let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
-        self.inputs.converter.set_input(channel, millivolts);
+        self.converters[2].emulated.set_input(channel, millivolts);
     }
 
     fn set_temperature(&mut self, hundredths: i32) {
-        self.inputs.converter.set_temperature(hundredths);
+        self.converters[2].emulated.set_temperature(hundredths);
     }
 
     fn set_dead(&mut self, dead: bool) {
-        self.converter.dead = dead;
+        self.converters[0].dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {

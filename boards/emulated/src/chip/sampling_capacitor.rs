@@ -5,6 +5,7 @@
 //! With the bit SCAN of CR1 cleared, a group has one channel (RM0090 13.3.8). The emulator uses the bit for the regular group
 //! only, so the number of injected channels (JL) is hidden from it.
 
+use delegate::delegate;
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::adc1::{Register, cr1, jsqr};
 use rigless::soc::stm32f427::peripherals::adc::{Adc, Channel};
@@ -52,7 +53,24 @@ impl AdcWithCapacitor {
 impl Device for AdcWithCapacitor {
     type Register = Register;
 
-    forward!(converter: read, on_clock, on_request, reset_line);
+    delegate! {
+        to self.converter {
+            fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+            fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+            fn read(
+                &mut self,
+                register: Register,
+                registers: &mut RegisterFile,
+                context: &mut DeviceContext<'_>,
+            ) -> Option<u64>;
+            fn on_request(
+                &mut self,
+                request: RequestChange,
+                registers: &mut RegisterFile,
+                context: &mut DeviceContext<'_>,
+            );
+        }
+    }
 
     fn write(
         &mut self,

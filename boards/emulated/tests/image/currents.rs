@@ -86,7 +86,7 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
         let (mut bench, mut host) = with_host(vec![held(), held(), held(), held()]);
         // Three late conversions make more words than the FIFO of the converter holds.
         for _ in 0..3 {
-            bench.delay_currents(Duration::from_micros(300));
+            bench.delay_conversion(2, Duration::from_micros(300));
             bench.run(ms(60));
         }
         for (motor, power) in [(0, 16_384), (1, 12_000), (2, 8_000), (3, 4_000)] {

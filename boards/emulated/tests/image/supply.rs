@@ -226,7 +226,7 @@ fn a_reference_that_stops_in_the_middle_of_a_sequence_leaves_the_battery_known()
         assert!(bench.run_while(Duration::from_micros(2), ms(20), converts), "a sequence runs");
         // Some words of the sequence are in the FIFO when the next conversion hangs.
         bench.run(Duration::from_micros(16));
-        bench.delay_inputs(ms(60));
+        bench.delay_conversion(3, ms(60));
         bench.run(ms(300));
         bench.set_analog(2, 1_500);
         bench.run(ms(50));
