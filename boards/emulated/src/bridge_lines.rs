@@ -68,16 +68,12 @@ pub struct Transition {
     pub at: Duration,
     /// Number of the bridge.
     pub motor: usize,
-    /// The lines after the change.
-    pub lines: Lines,
-    /// The state before the change.
-    pub before: State,
-    /// The state after the change, until the next edge of the PWM line.
-    pub after: State,
-    /// True if a reset released the lines.
-    pub by_reset: bool,
     /// The lines before the change.
     pub old: Lines,
+    /// The lines after the change.
+    pub lines: Lines,
+    /// True if a reset released the lines.
+    pub by_reset: bool,
 }
 
 impl Transition {
@@ -90,24 +86,24 @@ impl Transition {
     /// * A reset may open all switches together.
     #[must_use]
     pub fn legal(&self) -> bool {
-        let [before, after] = [self.before, self.after];
-        if after == State::BrakeHigh {
+        let Self { old, lines, by_reset, .. } = self;
+        if lines.ina && lines.inb {
             return false;
         }
-        if self.by_reset {
-            return after == State::Coast;
+        if *by_reset {
+            return lines.open();
         }
-        if (self.old.ina, self.old.inb) == (self.lines.ina, self.lines.inb) {
+        if (old.ina, old.inb) == (lines.ina, lines.inb) {
             return true;
         }
-        let low = self.old.pwm == Output::Level(false) && self.lines.pwm == Output::Level(false);
-        low && (before == State::Coast || after == State::Coast)
+        let low = old.pwm == Output::Level(false) && lines.pwm == Output::Level(false);
+        low && (old.open() || lines.open())
     }
 }
 
 impl fmt::Display for Transition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { at, motor, before, after, lines, .. } = self;
-        write!(f, "{:.9} s: bridge {motor} from {before:?} to {after:?}, {lines:?}", at.as_secs_f64())
+        let Self { at, motor, old, lines, .. } = self;
+        write!(f, "{:.9} s: bridge {motor} from {old:?} to {lines:?}", at.as_secs_f64())
     }
 }

@@ -31,13 +31,13 @@ pub struct Grid {
 
 impl Grid {
     /// Returns the tick within a period at the time `at` (ns).
-    pub(crate) fn tick(&self, at: u64) -> u32 {
+    fn tick(&self, at: u64) -> u32 {
         let ticks = u128::from(at.saturating_sub(self.epoch)) * u128::from(self.hz) / NANOS;
         (ticks % u128::from(self.ticks)) as u32
     }
 
     /// Returns the time in ns at which the first period after `at` begins.
-    pub(crate) fn next_boundary(&self, at: u64) -> u64 {
+    fn next_boundary(&self, at: u64) -> u64 {
         let per_boundary = u128::from(self.ticks) * NANOS;
         let passed = u128::from(at.saturating_sub(self.epoch)) * u128::from(self.hz) / per_boundary;
         self.epoch + ((passed + 1) * per_boundary / u128::from(self.hz)) as u64
@@ -154,7 +154,10 @@ impl Timer {
 
     /// Returns the level of each channel's reference at the time `at` (ns).
     fn levels(&self, at: u64, registers: &Registers) -> [bool; CHANNELS] {
-        core::array::from_fn(|index| level(self.output(index, registers), self.running, at))
+        core::array::from_fn(|index| match self.output(index, registers) {
+            Output::Level(high) => high,
+            Output::Pulse(high) => self.running.is_some_and(|grid| grid.tick(at) < high),
+        })
     }
 
     /// Returns the waveform on the pin of the channel `index`, 0 to 3.
@@ -179,14 +182,6 @@ impl Timer {
 
     fn prescaler(&self) -> u32 {
         self.running.map_or(1, |grid| grid.ticks / (self.reload + 1))
-    }
-}
-
-/// Returns whether a pin is high at the time `at` (ns).
-pub(crate) fn level(output: Output, grid: Option<Grid>, at: u64) -> bool {
-    match output {
-        Output::Level(high) => high,
-        Output::Pulse(high) => grid.is_some_and(|grid| grid.tick(at) < high),
     }
 }
 

@@ -20,7 +20,7 @@ use crate::bench::Hit;
 use crate::board::Board;
 use crate::bridge_lines::{Lines, Transition};
 use crate::chip::Nucleo;
-use crate::pwm::{Timer, level};
+use crate::pwm::Timer;
 use crate::rtt::Rtt;
 use crate::serial::Terminal;
 use crate::shafts::Shafts;
@@ -140,12 +140,8 @@ impl Surroundings {
             if old == lines {
                 continue;
             }
-            let grid = self.timer.grid();
-            // The state is that of 1 ns earlier, because an edge of the old waveform at `at` has not happened yet.
-            let before = old.state(level(old.pwm, grid, at.saturating_sub(1)));
-            let after = lines.state(level(lines.pwm, grid, at));
             let (at_time, motor) = (Duration::from_nanos(at), bridge);
-            self.transitions.push(Transition { at: at_time, motor, lines, before, after, by_reset, old });
+            self.transitions.push(Transition { at: at_time, motor, old, lines, by_reset });
             if bridge < self.shafts.len() {
                 self.shafts.command(bridge, at, lines);
             }
