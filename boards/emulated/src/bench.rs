@@ -32,7 +32,7 @@ use crate::processor::Code;
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::shafts::{Look, Mounting, Shafts};
-use crate::surroundings::{self, BenchTask, Surroundings, terminal};
+use crate::surroundings::{BenchTask, Surroundings, terminal};
 use crate::wiring;
 
 /// What a bench consists of.
@@ -419,7 +419,6 @@ fn run(
     let code = Code::new(setup.board, setup.full_mpu, images, is_constant);
     let mut board = Nucleo::new(setup.board, setup.full_timer, code)?;
     board.chip.attach();
-    surroundings::pull_up_buses(&mut board);
     let shafts = Shafts::new(setup.battery, setup.motors);
     let mut surroundings = Surroundings::new(setup.board, shafts, log_ring, commands);
     if setup.transceiver {

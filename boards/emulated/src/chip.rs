@@ -2,7 +2,7 @@
 //! emulator. [`Part`] has what the bench needs of any chip. Each chip implements it in a module of its own.
 
 /// Methods of [`Part`] whose text is the same for every chip, while their types differ. They use the chip's `self.part`,
-/// `servos` and `buses`, and `BOARD`.
+/// `servos`, `buses` and `faults`, and `BOARD`.
 macro_rules! same_on_every_chip {
     () => {
         fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
@@ -33,13 +33,13 @@ macro_rules! same_on_every_chip {
             lines.hold(line, low, registers, &mut context);
         }
 
-        fn bus_count(&self) -> usize {
-            self.buses.len()
-        }
-
         fn attach(&mut self) {
             for line in wiring::lines(BOARD) {
                 self.part.usart[line].attach(Terminal::default());
+            }
+            for (port, pin) in wiring::BUSES.into_iter().take(self.buses.len()).flatten() {
+                let pin = Pin::new(pin).expect("a pin of a port");
+                self.drive_pin(VirtualNanos(0), port, pin, Some(Level::High));
             }
         }
 
@@ -51,8 +51,13 @@ macro_rules! same_on_every_chip {
             self.part.usart[wiring::lines(BOARD)[line]].errors_mut()
         }
 
-        fn set_power_dead(&mut self, dead: bool) {
-            self.power_dead = dead;
+        fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
+            self.part.set_supply(millivolts);
+            self.follow_detector(at);
+        }
+
+        fn faults(&mut self) -> &mut ChipFaults {
+            &mut self.faults
         }
     };
 }
@@ -116,6 +121,14 @@ impl Layout for Row {
 #[derive(Debug)]
 struct StoredRegisters(&'static [RegisterSpec]);
 
+impl StoredRegisters {
+    /// Stands for the peripheral with these registers from now on.
+    const fn of(&mut self, registers: &'static [RegisterSpec]) -> &mut Self {
+        self.0 = registers;
+        self
+    }
+}
+
 impl Device for StoredRegisters {
     type Register = Row;
 
@@ -157,6 +170,17 @@ impl Port {
     }
 }
 
+/// Faults that each chip can have.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ChipFaults {
+    /// True if the battery's converter accepts commands but converts nothing.
+    pub(crate) converter_dead: bool,
+    /// True if the power controller only stores what is written to it, so the clocks never start.
+    pub(crate) power_dead: bool,
+    /// True if nothing is connected to the battery's pin.
+    pub(crate) battery_open: bool,
+}
+
 /// A microcontroller with what the bench does to it. Port A has the number 0.
 pub(crate) trait Part: Mcu + Debug + Send {
     /// Returns the core and its memory. The bench handles accesses to these windows of the processor's own bus.
@@ -172,9 +196,6 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Sets the voltage on the battery's pin, mV.
     fn set_battery(&mut self, millivolts: u32);
 
-    /// Disconnects the battery's pin, or connects it again.
-    fn open_battery(&mut self, open: bool);
-
     /// Sets the voltage on the pin of a motor's current-sense line, mV.
     fn set_current(&mut self, motor: usize, millivolts: u32);
 
@@ -186,9 +207,6 @@ pub(crate) trait Part: Mcu + Debug + Send {
 
     /// Returns all edges on the pin of a servo so far.
     fn servo(&self, servo: usize) -> &[Edge];
-
-    /// Returns the number of I2C buses.
-    fn bus_count(&self) -> usize;
 
     /// Connects a device to an I2C bus.
     fn attach_device(&mut self, bus: usize, device: RegisterDevice);
@@ -204,12 +222,8 @@ pub(crate) trait Part: Mcu + Debug + Send {
         None
     }
 
-    /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
-    fn set_dead(&mut self, dead: bool);
-
-    /// If `dead` is true, the power controller only stores what is written to it, so the clocks never start. Otherwise
-    /// it works again.
-    fn set_power_dead(&mut self, dead: bool);
+    /// Returns the faults of the chip, which a test begins and ends.
+    fn faults(&mut self) -> &mut ChipFaults;
 
     /// Puts a level on an input of a motor's counter.
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level);
@@ -223,7 +237,7 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Returns the pulse that the emulator's own TIM1 makes: high time and period, ns.
     fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;
 
-    /// Connects the far ends of the host's two lines and of the chain line.
+    /// Connects the far ends of the host's two lines and of the chain line, and the pull-up resistors of the I2C buses.
     fn attach(&mut self);
 
     /// Returns the far end of a line of the host, 0 or 1, or of the chain line, 2.

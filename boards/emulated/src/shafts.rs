@@ -50,8 +50,6 @@ pub struct Look {
     pub counts: i64,
     /// Motor current, A.
     pub current: f64,
-    /// Speed of the output shaft, rad/s.
-    pub output_rad_per_s: f64,
     /// Charge and energy that have flowed since power-on.
     pub flow: Flow,
 }
@@ -324,7 +322,6 @@ impl Shafts {
             counts_per_second: plant.speed().0 * per_rad,
             counts: plant.counts(),
             current: plant.current().0,
-            output_rad_per_s: plant.speed_after().0,
             flow: shaft.past,
         }
     }

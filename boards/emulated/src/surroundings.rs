@@ -398,10 +398,3 @@ impl Driver<Nucleo> for Surroundings {
 pub(crate) fn terminal(session: &mut Session<Nucleo>, line: usize) -> &mut Terminal {
     session.board_mut().chip.terminal(line).expect("the terminal is attached")
 }
-
-/// Pulls the lines of all I2C buses up, as their resistors do.
-pub(crate) fn pull_up_buses(board: &mut Nucleo) {
-    for pin in wiring::BUSES.into_iter().take(board.chip.bus_count()).flatten() {
-        board.drive_pin(0, pin, Some(true));
-    }
-}

@@ -89,7 +89,7 @@ impl Bench {
 
     /// Disconnects the battery's pin, like a broken wire between the voltage divider and the chip, or connects it again.
     pub fn open_battery_pin(&mut self, open: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.open_battery(open));
+        self.post(move |_, session, _| session.board_mut().chip.faults().battery_open = open);
     }
 
     /// Sets the chip's supply voltage from now on, in millivolts.
@@ -109,7 +109,7 @@ impl Bench {
 
     /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
     pub fn set_adc_dead(&mut self, dead: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.set_dead(dead));
+        self.post(move |_, session, _| session.board_mut().chip.faults().converter_dead = dead);
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
@@ -123,7 +123,7 @@ impl Bench {
     /// If `dead` is true, the chip's power controller reports nothing, as with a broken regulator, so the clocks never
     /// start after a reset. Otherwise it works again.
     pub fn set_power_dead(&mut self, dead: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
+        self.post(move |_, session, _| session.board_mut().chip.faults().power_dead = dead);
     }
 
     /// Sets the faults of the flash from now on.

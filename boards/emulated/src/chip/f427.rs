@@ -26,7 +26,7 @@ use rigless::time::VirtualNanos;
 use super::bus_lines::Lines;
 use super::sampling_capacitor::AdcWithCapacitor;
 use super::servo_timer::{Edge, ServoTimer};
-use super::{Part, Port, RAIL_MV, StoredRegisters, core};
+use super::{ChipFaults, Part, Port, RAIL_MV, StoredRegisters, core};
 use crate::board::Board;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
@@ -72,16 +72,11 @@ const BOARD: Board = Board::NucleoF429zi;
 pub(super) struct Chip {
     part: Stm32f427,
     full_timer: bool,
-    adc_dead: bool,
+    faults: ChipFaults,
     /// ADC1.
     converter: AdcWithCapacitor,
-    /// True if nothing is connected to the battery's pin.
-    battery_open: bool,
-    plain_timer: StoredRegisters,
-    plain_converter: StoredRegisters,
-    plain_exti: StoredRegisters,
-    power_dead: bool,
-    plain_power: StoredRegisters,
+    /// Stands for each peripheral that only stores what is written to it.
+    stored: StoredRegisters,
     /// True while the detector's interrupt is pending.
     supply_fell: bool,
     servos: [ServoTimer<Apb>; wiring::SERVOS.len()],
@@ -110,14 +105,9 @@ impl Chip {
                 ServoTimer::new("TIM9", Apb::Two, &tim9::REGISTERS, 1),
             ],
             buses: I2C_INTERFACES.map(|name| Lines::new(name, I2c::with_clock(0))).into(),
-            adc_dead: false,
+            faults: ChipFaults::default(),
             converter,
-            battery_open: false,
-            plain_timer: StoredRegisters(&tim1::REGISTERS),
-            plain_converter: StoredRegisters(&adc1::REGISTERS),
-            plain_exti: StoredRegisters(&exti::REGISTERS),
-            power_dead: false,
-            plain_power: StoredRegisters(&pwr::REGISTERS),
+            stored: StoredRegisters(&exti::REGISTERS),
             supply_fell: false,
         })
     }
@@ -127,7 +117,7 @@ impl Chip {
         let (port, pin, channel) = UNCONNECTED;
         let is_low = Port::read(self, BOARD, port).drives(pin) == Some(false);
         self.converter.converter.set_input(channel, 0);
-        let open = [(BATTERY, self.battery_open), (channel, !is_low)];
+        let open = [(BATTERY, self.faults.battery_open), (channel, !is_low)];
         self.converter.floating.clear();
         self.converter
             .floating
@@ -161,11 +151,11 @@ impl Mcu for Chip {
             self.follow_open_pins();
         }
         let model: &mut dyn ErasedDevice = match name {
-            "TIM1" if !self.full_timer => &mut self.plain_timer,
-            "PWR" if self.power_dead => &mut self.plain_power,
-            "ADC1" if self.adc_dead => &mut self.plain_converter,
+            "TIM1" if !self.full_timer => self.stored.of(&tim1::REGISTERS),
+            "PWR" if self.faults.power_dead => self.stored.of(&pwr::REGISTERS),
+            "ADC1" if self.faults.converter_dead => self.stored.of(&adc1::REGISTERS),
             "ADC1" => &mut self.converter,
-            "EXTI" => &mut self.plain_exti,
+            "EXTI" => self.stored.of(&exti::REGISTERS),
             _ => {
                 if let Some(timer) = self.servos.iter_mut().find(|timer| timer.name == name) {
                     let (rcc, registers) = self.part.clocks();
@@ -190,11 +180,6 @@ impl Part for Chip {
         Target::new(BOARD.name(), self, core)
     }
 
-    fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
-        self.part.set_supply(millivolts);
-        self.follow_detector(at);
-    }
-
     fn follow_detector(&mut self, at: VirtualNanos) {
         let low = csr::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr));
         let exti = self.part.bus().registers("EXTI").expect("a peripheral of the chip");
@@ -215,10 +200,6 @@ impl Part for Chip {
         self.converter.converter.set_input(BATTERY, millivolts);
     }
 
-    fn open_battery(&mut self, open: bool) {
-        self.battery_open = open;
-    }
-
     fn set_current(&mut self, motor: usize, millivolts: u32) {
         // ADC3_IN10, IN13, IN9 and IN15 are PC0, PC3, PF3 and PF5.
         let channel = adc::Channel::new([10, 13, 9, 15][motor]).expect("a channel on a pin");
@@ -232,10 +213,6 @@ impl Part for Chip {
 
     fn set_temperature(&mut self, hundredths: i32) {
         self.converter.converter.set_temperature(hundredths);
-    }
-
-    fn set_dead(&mut self, dead: bool) {
-        self.adc_dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {

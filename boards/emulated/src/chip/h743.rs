@@ -30,7 +30,7 @@ use super::converter::Converter;
 use super::flash_interface::Interface;
 use super::servo_timer::{Edge, ServoTimer};
 use super::watchdog::Watchdog;
-use super::{Part, RAIL_MV, StoredRegisters, core, peek};
+use super::{ChipFaults, Part, RAIL_MV, StoredRegisters, core, peek};
 use crate::board::Board;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
@@ -86,17 +86,15 @@ const BOARD: Board = Board::NucleoH743zi2;
 pub(crate) struct Chip {
     part: Stm32h743,
     full_timer: bool,
-    plain_timer: StoredRegisters,
+    faults: ChipFaults,
+    /// Stands for each peripheral that only stores what is written to it.
+    stored: StoredRegisters,
     watchdog: Watchdog,
     /// ADC1, ADC2 and ADC3.
     pub(crate) converters: [Converter; 3],
     pub(crate) flash: Interface,
     connections: Connections,
-    power_dead: bool,
-    plain_power: StoredRegisters,
     supply_low: bool,
-    /// True if nothing is connected to the battery's pin. The pin then keeps its voltage, because ADC1 converts no other channel.
-    battery_open: bool,
     servos: [ServoTimer<TimerBus>; wiring::SERVOS.len()],
     buses: Vec<Lines<I2c>>,
 }
@@ -124,15 +122,13 @@ impl Chip {
                 ServoTimer::new("TIM15", TimerBus::Apb2, &tim15::REGISTERS, 1),
             ],
             buses: i2c::INSTANCES.iter().map(|bus| Lines::new(bus.name, I2c::default())).collect(),
-            plain_timer: StoredRegisters(&tim1::REGISTERS),
+            faults: ChipFaults::default(),
+            stored: StoredRegisters(&tim1::REGISTERS),
             watchdog: Watchdog::default(),
             converters,
             flash: Interface::default(),
             connections,
-            power_dead: false,
-            plain_power: StoredRegisters(&pwr::REGISTERS),
             supply_low: false,
-            battery_open: false,
         })
     }
 
@@ -166,9 +162,12 @@ impl Mcu for Chip {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let name = self.bus().slots()[slot].peripheral().name;
         let model: &mut dyn ErasedDevice = match name {
-            "TIM1" if !self.full_timer => &mut self.plain_timer,
-            "PWR" if self.power_dead => &mut self.plain_power,
-            "ADC1" => &mut self.converters[0],
+            "TIM1" if !self.full_timer => self.stored.of(&tim1::REGISTERS),
+            "PWR" if self.faults.power_dead => self.stored.of(&pwr::REGISTERS),
+            "ADC1" => {
+                self.converters[0].dead = self.faults.converter_dead;
+                &mut self.converters[0]
+            }
             "ADC2" => &mut self.converters[1],
             "ADC3" => &mut self.converters[2],
             "Flash" => &mut self.flash,
@@ -216,11 +215,6 @@ impl Part for Chip {
         Target::new(BOARD.name(), self, config.spec())
     }
 
-    fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
-        self.part.set_supply(millivolts);
-        self.follow_detector(at);
-    }
-
     fn follow_detector(&mut self, at: VirtualNanos) {
         let low = csr1::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr1));
         let fell = low && !self.supply_low;
@@ -251,13 +245,10 @@ impl Part for Chip {
     fn set_battery(&mut self, millivolts: u32) {
         // ADC12_INP15 is PA3.
         let channel = adc::Channel::new(15).expect("a channel on a pin");
-        if !self.battery_open {
+        // An open pin keeps its voltage, because ADC1 converts no other channel.
+        if !self.faults.battery_open {
             self.converters[0].emulated.set_input(channel, millivolts);
         }
-    }
-
-    fn open_battery(&mut self, open: bool) {
-        self.battery_open = open;
     }
 
     fn set_current(&mut self, motor: usize, millivolts: u32) {
@@ -273,10 +264,6 @@ impl Part for Chip {
 
     fn set_temperature(&mut self, hundredths: i32) {
         self.converters[2].emulated.set_temperature(hundredths);
-    }
-
-    fn set_dead(&mut self, dead: bool) {
-        self.converters[0].dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
