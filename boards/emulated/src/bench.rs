@@ -160,7 +160,9 @@ impl Bench {
         let raw = |name: &str, bytes: &[u8], at| {
             Image::new(Path::new(name), bytes.to_vec(), Some(at)).expect("an image")
         };
-        let mut images = vec![Nucleo::factory_image(setup.board).expect("factory words")];
+        let factory_words = Nucleo::factory_words(setup.board).iter();
+        let mut images: Vec<_> =
+            factory_words.map(|(at, word)| raw("factory word", &word.to_le_bytes(), *at)).collect();
         if setup.flash.is_empty() {
             let divides_by_zero = elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default();
             images.push(faulty_code::image(divides_by_zero).expect("an image"));
@@ -171,9 +173,7 @@ impl Bench {
                     package,
                     setup.bootloader_key.as_deref().map_or(Variant::Usual, Variant::Signed),
                 );
-                let bytes =
-                    std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
-                images.push(Image::new(&place, bytes, None).expect("an image"));
+                images.push(Image::read(&place, None).expect("an image"));
             }
             if !setup.stored.is_empty() {
                 images.push(raw("settings", &setup.stored, setup.board.store().start));
@@ -310,9 +310,16 @@ impl Bench {
         rtt::decode(self.table.as_ref().expect("the image logs"), &taken)
     }
 
-    /// Presses or releases button B1.
+    /// Presses or releases button B1. The board has a pull-down.
     pub fn press(&mut self, pressed: bool) {
-        self.post(move |surroundings, session, _| surroundings.press(session, pressed));
+        self.drive_pin(wiring::BUTTON, Some(pressed));
+    }
+
+    /// Puts a level on a pin, or releases the pin.
+    fn drive_pin(&mut self, pin: (usize, u8), level: Option<bool>) {
+        self.post(move |surroundings, session, _| {
+            session.board_mut().drive_pin(surroundings.now, pin, level);
+        });
     }
 
     /// Changes the line of the host to 0, of the ST-LINK, or 1, of a USB-serial adapter. Bytes that have arrived on this line before
@@ -422,7 +429,9 @@ fn run(
     let shafts = Shafts::new(setup.battery, setup.motors);
     let mut surroundings = Surroundings::new(setup.board, shafts, log_ring, commands);
     if setup.transceiver {
-        surroundings.connect_transceiver(&mut board);
+        surroundings.transceiver = true;
+        // An idle line is high.
+        board.drive_pin(0, wiring::chain_input(setup.board), Some(true));
     }
     let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
     let listener = setup.gdb.map(|port| std::net::TcpListener::bind(("127.0.0.1", port))).transpose()?;

@@ -77,7 +77,6 @@ use std::num::{NonZeroU32, NonZeroU64};
 use rigless::chip::uart::Errors;
 use rigless::cpu::armv7m::Window;
 use rigless::device::{Device, Level};
-use rigless::image::Image;
 use rigless::machine::armv7m::{Core, Variant};
 use rigless::machine::{Board as Machine, Target};
 use rigless::mcu::{Mcu, Operate};
@@ -281,11 +280,11 @@ impl Nucleo {
         Ok(Self { chip, board, code, connections })
     }
 
-    /// Returns the calibration words that the factory writes.
-    pub(crate) fn factory_image(board: Board) -> Result<Image, rigless::image::Error> {
+    /// Returns the words that the factory writes, with their addresses.
+    pub(crate) const fn factory_words(board: Board) -> &'static [(u64, u16)] {
         match board {
-            Board::NucleoF429zi => f427::factory_image(),
-            Board::NucleoH743zi2 => h743::factory_image(),
+            Board::NucleoF429zi => &f427::FACTORY_WORDS,
+            Board::NucleoH743zi2 => &h743::FACTORY_WORDS,
         }
     }
 

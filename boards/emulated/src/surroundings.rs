@@ -49,13 +49,13 @@ pub(crate) struct Surroundings {
     pub(crate) current_lines: Vec<CurrentLine>,
     pub(crate) rtt: Rtt,
     /// True if a transceiver connects the chip to the chain line.
-    transceiver: bool,
+    pub(crate) transceiver: bool,
     /// Times in ns at which the transceiver was switched to sending (true) or receiving. Only the F427 shows them.
     pub(crate) directions: Vec<(u64, bool)>,
     /// True if digital pins 0 and 1 are connected to each other.
-    wired: bool,
+    pub(crate) wired: bool,
     /// An I2C bus whose SDA a device holds low, the clocks after which the device releases SDA, and the level of SCL.
-    stuck: Option<(usize, u8, bool)>,
+    pub(crate) stuck: Option<(usize, u8, bool)>,
     /// Executions of watched instructions.
     pub(crate) hits: Vec<Hit>,
     pub(crate) now: u64,
@@ -201,17 +201,6 @@ impl Surroundings {
         });
     }
 
-    /// Puts the button's level on its pin; the board has a pull-down.
-    pub(crate) fn press(&self, session: &mut Session<Nucleo>, pressed: bool) {
-        session.board_mut().drive_pin(self.now, wiring::BUTTON, Some(pressed));
-    }
-
-    /// Connects a transceiver of the chain line. An idle line is high.
-    pub(crate) fn connect_transceiver(&mut self, board: &mut Nucleo) {
-        self.transceiver = true;
-        board.drive_pin(self.now, wiring::chain_input(self.board), Some(true));
-    }
-
     /// Notes a change of the transceiver's direction.
     fn follow_transceiver(&mut self, session: &mut Session<Nucleo>, at: u64) {
         let (port, pin) = wiring::CHAIN_DIRECTION;
@@ -221,14 +210,8 @@ impl Surroundings {
         }
     }
 
-    /// Connects the digital pins to each other.
-    pub(crate) fn wire_pins(&mut self, session: &mut Session<Nucleo>) {
-        self.wired = true;
-        self.follow_wire(session, self.now);
-    }
-
     /// Puts the level of each end of the wire between digital pins 0 and 1 on the other end.
-    fn follow_wire(&self, session: &mut Session<Nucleo>, at: u64) {
+    pub(crate) fn follow_wire(&self, session: &mut Session<Nucleo>, at: u64) {
         if !self.wired {
             return;
         }
@@ -238,12 +221,6 @@ impl Surroundings {
             let level = board.port(from.0).drives(from.1);
             board.drive_pin(at, to, level);
         }
-    }
-
-    /// Makes a device hold SDA of a bus low until SCL has had this number of pulses.
-    pub(crate) fn hold_sda(&mut self, session: &mut Session<Nucleo>, bus: usize, clocks: u8) {
-        self.stuck = Some((bus, clocks, true));
-        self.hold_line(session, bus, 1, true);
     }
 
     /// Counts a pulse on SCL of the bus whose SDA is held low, and releases SDA after the last one.

@@ -83,7 +83,10 @@ impl Bench {
     /// Makes a device hold SDA of an I2C bus low until SCL has had this number of pulses. A device whose transfer was
     /// cut off in the middle of a byte behaves in this way.
     pub fn hold_sda(&mut self, bus: usize, clocks: u8) {
-        self.post(move |surroundings, session, _| surroundings.hold_sda(session, bus, clocks));
+        self.post(move |surroundings, session, _| {
+            surroundings.stuck = Some((bus, clocks, true));
+            surroundings.hold_line(session, bus, 1, true);
+        });
     }
 
     /// Returns the levels of SCL and SDA of an I2C bus.

@@ -11,7 +11,6 @@ use simulated::encoder::Encoder;
 
 use super::{Bench, nanos};
 use crate::chip::{FlashFaults, H743};
-use crate::elf;
 use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
@@ -53,23 +52,20 @@ impl Bench {
     /// Makes a bridge pull its DIAG line low if `low` is true, like a bridge that has switched itself off. Otherwise
     /// the bridge releases the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
-        self.post(move |surroundings, session, _| {
-            let level = low.then_some(false);
-            let pin = (wiring::PWM_PORT, wiring::DIAG_PINS[motor]);
-            session.board_mut().drive_pin(surroundings.now, pin, level);
-        });
+        self.drive_pin((wiring::PWM_PORT, wiring::DIAG_PINS[motor]), low.then_some(false));
     }
 
     /// Connects a digital pin, 0 to 7, to ground or to the supply, or to nothing.
     pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
-        self.post(move |surroundings, session, _| {
-            session.board_mut().drive_pin(surroundings.now, wiring::DIGITAL[pin], level);
-        });
+        self.drive_pin(wiring::DIGITAL[pin], level);
     }
 
     /// Connects digital pins 0 and 1 to each other, from now on.
     pub fn wire_pins(&mut self) {
-        self.post(|surroundings, session, _| surroundings.wire_pins(session));
+        self.post(|surroundings, session, _| {
+            surroundings.wired = true;
+            surroundings.follow_wire(session, surroundings.now);
+        });
     }
 
     /// Returns the level of a digital pin, 0 to 7: true if it is high.
@@ -177,7 +173,8 @@ impl Bench {
     /// # Panics
     /// Panics if the image has no task with this name.
     pub fn divert(&mut self, task: &str, code: FaultyCode) {
-        let pool = self.symbol(&format!("::{task}::POOL"));
+        let pool = self.address(&format!("::{task}::POOL"));
+        let pool = self.symbols.iter().find(|symbol| symbol.address == pool).expect("a symbol").clone();
         // Addresses of functions have the Thumb bit set.
         let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;
         let to = code.address() | 1;
@@ -191,11 +188,5 @@ impl Bench {
             }
             assert!(found, "the task has not been spawned");
         });
-    }
-
-    fn symbol(&self, name: &str) -> elf::Symbol {
-        let address = self.address(name);
-        let symbol = self.symbols.iter().find(|symbol| symbol.address == address);
-        symbol.unwrap_or_else(|| panic!("no symbol {name}")).clone()
     }
 }

@@ -3,13 +3,10 @@
 //! detector, the [sampling capacitor](super::sampling_capacitor) of ADC1, the [timers](super::servo_timer) of the servos, and
 //! I2C devices that hold the [lines](super::bus_lines) of their buses.
 
-use std::path::Path;
-
 use delegate::delegate;
 use rigless::chip::uart::Errors;
 use rigless::cpu::armv7m::{Window, windows};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
-use rigless::image::Image;
 use rigless::machine::Target;
 use rigless::machine::armv7m::{Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
@@ -32,14 +29,11 @@ use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
 
-/// Address of the unique device number, the flash size in kB, and the converter's calibration words (RM0090 39.1 and
-/// 39.2, STM32F429 data sheet, "internal reference voltage calibration values").
-const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
-
-/// Reading of the emulator's VREFINT, 1.21 V, with a supply of 3.3 V and 12 bits.
-const VREFINT_CALIBRATION: u16 = 1501;
-/// Readings of the emulator's temperature sensor at 30 and at 110 degrees, 0.7725 and 0.9725 V, with a supply of 3.3 V.
-const SENSOR_CALIBRATION: [u16; 2] = [959, 1207];
+/// Words that the factory writes, with their addresses (RM0090 39.2, STM32F429 data sheet, "internal reference voltage
+/// calibration values"): the flash size in kB, and readings with a supply of 3.3 V and 12 bits. The readings are those of the
+/// emulator's VREFINT, 1.21 V, and of its temperature sensor at 30 and at 110 degrees, 0.7725 and 0.9725 V.
+pub(super) const FACTORY_WORDS: [(u64, u16); 4] =
+    [(0x1FFF_7A22, 2048), (0x1FFF_7A2A, 1501), (0x1FFF_7A2C, 959), (0x1FFF_7A2E, 1207)];
 
 /// Bit of EXTI line 16, which is the line of the voltage detector (RM0090 12.2.5).
 const DETECTOR_LINE: u64 = 1 << 16;
@@ -53,16 +47,6 @@ const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expe
 
 /// ADC2_IN4, IN5, IN6 and IN0 are PA4, PA5, PA6 and PA0: the host's analog inputs. ADC2_IN9 is PB1: the 5 V rail's divider.
 const ANALOG: [u8; 5] = [4, 5, 6, 0, 9];
-
-/// Returns the calibration words that the factory writes.
-pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
-    let mut words = [0_u8; 32];
-    words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
-    words[0x1A..0x1C].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
-    words[0x1C..0x1E].copy_from_slice(&SENSOR_CALIBRATION[0].to_le_bytes());
-    words[0x1E..0x20].copy_from_slice(&SENSOR_CALIBRATION[1].to_le_bytes());
-    Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
-}
 
 /// The board that has this chip.
 const BOARD: Board = Board::NucleoF429zi;

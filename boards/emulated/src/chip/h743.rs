@@ -3,13 +3,10 @@
 //! voltage detector is wired to the EXTI. The [timers](super::servo_timer) of the servos show their pins, and I2C devices
 //! can hold the [lines](super::bus_lines) of their buses.
 
-use std::path::Path;
-
 use delegate::delegate;
 use rigless::chip::uart::Errors;
 use rigless::cpu::armv7m::{Window, windows};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
-use rigless::image::Image;
 use rigless::machine::Target;
 use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
@@ -37,13 +34,11 @@ use crate::serial::Terminal;
 use crate::system_break::{Connections, IDENTITY, OUTPUTS, Source};
 use crate::wiring;
 
-/// Address of TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
-const FACTORY_WORDS_AT: u64 = 0x1FF1_E820;
-
-/// Reading of the emulator's VREFINT, 1.216 V, with a supply of 3.3 V and 16 bits.
-const VREFINT_CALIBRATION: u16 = 24_148;
-/// Readings of the emulator's temperature sensor at 30 and at 110 degrees, 0.62 and 0.78 V, with a supply of 3.3 V.
-const SENSOR_CALIBRATION: [u16; 2] = [12_313, 15_490];
+/// Words that the factory writes, with their addresses: TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181). They are
+/// readings with a supply of 3.3 V and 16 bits: of the emulator's temperature sensor at 30 and at 110 degrees, 0.62 and
+/// 0.78 V, and of its VREFINT, 1.216 V.
+pub(super) const FACTORY_WORDS: [(u64, u16); 3] =
+    [(0x1FF1_E820, 12_313), (0x1FF1_E840, 15_490), (0x1FF1_E860, 24_148)];
 
 /// Address of EXTI_RTSR1, which enables lines of the EXTI for rising edges (RM0433 20.6.1).
 const EXTI_RTSR1: u64 = 0x5800_0000;
@@ -68,15 +63,6 @@ const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[
 /// ADC3_INP5, INP9, INP4 and INP6 are PF3, PF4, PF5 and PF10: the host's analog inputs. ADC3_INP0 is PC2_C: the 5 V rail's
 /// divider.
 const ANALOG: [u8; 5] = [5, 9, 4, 6, 0];
-
-/// Returns the calibration words that the factory writes.
-pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
-    let mut words = [0_u8; 0x44];
-    words[0x00..0x02].copy_from_slice(&SENSOR_CALIBRATION[0].to_le_bytes());
-    words[0x20..0x22].copy_from_slice(&SENSOR_CALIBRATION[1].to_le_bytes());
-    words[0x40..0x42].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
-    Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
-}
 
 /// The board that has this chip.
 const BOARD: Board = Board::NucleoH743zi2;
