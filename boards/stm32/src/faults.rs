@@ -11,31 +11,6 @@ use motor_hub::record::Fault;
 
 use crate::stack;
 
-/// Makes the handlers of a board's program. `$handlers` is the program's [`FaultHandlers`].
-///
-/// The board's crate needs `cortex-m-rt`.
-#[macro_export]
-macro_rules! end_faults_with {
-    ($handlers:path) => {
-        #[panic_handler]
-        fn panic(info: &::core::panic::PanicInfo<'_>) -> ! {
-            $handlers.panicked(info)
-        }
-
-        #[::cortex_m_rt::exception]
-        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
-        unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
-            $handlers.hard_fault(frame)
-        }
-
-        #[::cortex_m_rt::exception]
-        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
-        unsafe fn DefaultHandler(irqn: i16) -> ! {
-            $handlers.unhandled(irqn)
-        }
-    };
-}
-
 /// What the handlers do when the run of a board's program ends.
 pub struct FaultHandlers {
     /// Opens all bridges until the next reset. The function accesses only registers, so it may be called in any context.

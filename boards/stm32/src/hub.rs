@@ -74,7 +74,22 @@ macro_rules! hub {
             store_fault: |fault, detail| WIRES.report_crash(fault, detail),
         };
 
-        $crate::end_faults_with!(FAULTS);
+        #[panic_handler]
+        fn panic(info: &::core::panic::PanicInfo<'_>) -> ! {
+            FAULTS.panicked(info)
+        }
+
+        #[::cortex_m_rt::exception]
+        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
+        unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
+            FAULTS.hard_fault(frame)
+        }
+
+        #[::cortex_m_rt::exception]
+        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
+        unsafe fn DefaultHandler(irqn: i16) -> ! {
+            FAULTS.unhandled(irqn)
+        }
 
         type Encoders =
             $crate::encoders::QuadratureCounters<($($crate::encoders::Counter<::embassy_stm32::peripherals::$encoder>,)+)>;

@@ -14,7 +14,7 @@
 //! | [`serial`] | serial lines, a buffered USART each: the host link and the chain line |
 //! | [`pins`] | digital pins for a host |
 //! | [`servo`] | servo outputs for a host |
-//! | [`analog`] | readings of analog inputs, 5 V rail and temperature |
+//! | `analog` | readings of analog inputs, 5 V rail and temperature |
 //! | [`connectors`] | digital pins, servo outputs and analog inputs together |
 //! | [`i2c_bus`] | an I2C bus for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
@@ -29,7 +29,8 @@
 
 #[cfg(any(feature = "f42x", feature = "g47x"))]
 mod after_clocks;
-pub mod analog;
+#[cfg(any(feature = "f42x", feature = "h74x"))]
+mod analog;
 pub mod bridge_faults;
 pub mod button;
 #[cfg_attr(feature = "f42x", path = "f42x/mod.rs")]

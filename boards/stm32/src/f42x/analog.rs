@@ -3,7 +3,7 @@
 //! temperature sensor.
 
 use super::{inject, set_sampling_time};
-use crate::analog::{Factory, Newest, Sequence};
+use crate::analog::{Newest, Sequence};
 use crate::supply::FactoryWord;
 use embassy_stm32::adc::{AdcChannel, AnyAdcChannel, SampleTime};
 use embassy_stm32::peripherals::ADC2;
@@ -68,5 +68,5 @@ pub(super) fn next() {
 /// Returns the newest readings.
 fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings(Factory::read(FactoryWord::F42X, FactoryWord::F42X_TEMPERATURE))
+    NEWEST.readings(FactoryWord::F42X, FactoryWord::F42X_TEMPERATURE)
 }

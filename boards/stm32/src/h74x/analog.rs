@@ -2,7 +2,7 @@
 //! of the battery starts one sequence of these readings. The FIFO of the data register has room for eight words (RM0433 25.4.27), so
 //! there is no DMA.
 
-use crate::analog::{Factory, Newest, Sequence};
+use crate::analog::{Newest, Sequence};
 use crate::supply::FactoryWord;
 use crate::two_converters::restart;
 use embassy_stm32::adc::AnyAdcChannel;
@@ -83,7 +83,7 @@ fn collect() {
 /// Returns the newest reading of VREFINT.
 pub(super) fn vrefint() -> Option<u16> {
     collect();
-    NEWEST.vrefint()
+    NEWEST.get().map(|sequence| sequence.vrefint)
 }
 
 /// Starts the next sequence, unless one is running. A running sequence counts as started now: it takes less than 0.1 ms.
@@ -99,5 +99,5 @@ pub(super) fn next() {
 /// Returns the newest readings.
 pub fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings(Factory::read(FactoryWord::H74X, FactoryWord::H74X_TEMPERATURE))
+    NEWEST.readings(FactoryWord::H74X, FactoryWord::H74X_TEMPERATURE)
 }
