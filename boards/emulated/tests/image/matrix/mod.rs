@@ -17,7 +17,7 @@ use emulated::{Bench, Board};
 use faults::Fault;
 use modes::{MODES, Mode, Setup};
 use rows::{CONFIGURED_AND_BRAKE, During, ExpectedEffect, ROWS, ROWS_OF_H743, Row};
-use run::{MODE_CHANGE, OtherResult, Place, RowResult, Run};
+use run::{MODE_CHANGE, OtherResult, RowResult, Run};
 
 /// Number of chips, or chains of them, that run side by side.
 const CHIPS: usize = 2;
@@ -51,7 +51,7 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
 
 /// True if a hub has not done what a hub must do while the other hub of its chain has the fault of this row.
 fn disturbed(row: &Row, other: &OtherResult) -> bool {
-    let in_parent = other.fault_in == Place::Parent;
+    let in_parent = other.fault_in_parent;
     // Requests to a child pass its parent. A parent that is reset loses these requests, and may answer late while it starts. After a
     // damaged byte a parent may wait for the rest of a packet, up to 50 ms.
     let must_answer =
@@ -94,12 +94,11 @@ fn every_fault_in_every_mode_ends_as_it_should() {
 fn every_fault_of_one_hub_of_a_chain_ends_as_it_does_alone_and_leaves_the_other_hub_undisturbed() {
     let parent = board();
     let shares = [Board::NucleoF429zi, Board::NucleoH743zi2].map(|board| {
-        let place = if board == parent { Place::Parent } else { Place::Child };
         let is_second = board == Board::NucleoH743zi2;
         let rows = on(board, rows_of_board).into_iter().enumerate();
         let rows =
             rows.filter(|(number, _)| (number % 2 == 1) == is_second || *number >= ROWS.len()).collect();
-        Share { board, place, rows }
+        Share { board, hubs: vec![parent, other_board()], rows }
     });
     let table = run_rows(Setup::AsTheyCome, shares);
     println!("The {parent} is the parent of the {}.\n\n{table}", other_board());
@@ -139,7 +138,8 @@ fn named(name: &str) -> &'static Row {
 struct Share<'a> {
     /// The board that has the faults.
     board: Board,
-    place: Place,
+    /// The boards of all hubs, the parent first.
+    hubs: Vec<Board>,
     /// The rows, with their numbers in the table.
     rows: Vec<(usize, &'a Row)>,
 }
@@ -148,7 +148,7 @@ struct Share<'a> {
 fn on_one_hub<'a>(rows: &[&'a Row]) -> [Share<'a>; CHIPS] {
     [0, 1].map(|first| {
         let rows = rows.iter().copied().enumerate().skip(first).step_by(CHIPS).collect();
-        Share { board: board(), place: Place::Alone, rows }
+        Share { board: board(), hubs: vec![board()], rows }
     })
 }
 
@@ -156,13 +156,13 @@ fn on_one_hub<'a>(rows: &[&'a Row]) -> [Share<'a>; CHIPS] {
 fn run_rows<'a>(setup: Setup, shares: [Share<'a>; CHIPS]) -> String {
     let work = |share: Share<'a>| {
         let (mut seen, mut wrong) = (Vec::new(), Vec::new());
-        let mut run = Run::new(setup, share.place);
+        let mut run = Run::new(setup, &share.hubs);
         for (number, row) in share.rows {
             let came = run.row(row);
             let complaints = complaints(row, &came);
             seen.push((number, row, came));
             if !complaints.is_empty() {
-                run = Run::new(setup, share.place);
+                run = Run::new(setup, &share.hubs);
                 wrong.extend(complaints);
             }
         }

@@ -97,9 +97,9 @@ impl Mode {
 }
 
 /// Powers on hubs on these boards. The four motors of a hub have light wheels, with a torque on the wheel of the last motor.
-pub(crate) fn powered(boards: Vec<Board>) -> ChainBench {
-    let setup = |board| emulated::Setup { board, ..emulated::Setup::new(vec![wheel(); MODES.len()]) };
-    let mut chain = ChainBench::new(boards.into_iter().map(setup).collect());
+pub(crate) fn powered(boards: &[Board]) -> ChainBench {
+    let setup = |&board| emulated::Setup { board, ..emulated::Setup::new(vec![wheel(); MODES.len()]) };
+    let mut chain = ChainBench::new(boards.iter().map(setup).collect());
     chain.run(ms(300));
     chain.hubs.iter_mut().for_each(|hub| hub.set_torque(Mode::Braking.motor(), OVERHAULING));
     chain

@@ -20,28 +20,6 @@ use crate::chain::set_address;
 use crate::common::{board, ms, other_board, time_to};
 use crate::store;
 
-/// The hub that has the faults.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Place {
-    /// The hub has no chain.
-    Alone,
-    /// The hub has a child on the other board.
-    Parent,
-    /// The hub is the child of a hub on the other board.
-    Child,
-}
-
-impl Place {
-    /// Returns the words that follow the name of a fault.
-    pub(crate) const fn name(self) -> &'static str {
-        match self {
-            Self::Alone => "",
-            Self::Parent => ", in the parent",
-            Self::Child => ", in the child",
-        }
-    }
-}
-
 /// Result of a row: what a fault has caused.
 pub(crate) struct RowResult {
     /// What the other hub of a chain has done meanwhile.
@@ -75,8 +53,8 @@ pub(crate) struct MotorResult {
 /// What the hub without a fault has done while the other hub of the chain had a fault.
 #[derive(Debug)]
 pub(crate) struct OtherResult {
-    /// Place of the hub that had the fault.
-    pub(crate) fault_in: Place,
+    /// True if the parent had the fault, false if the child had the fault.
+    pub(crate) fault_in_parent: bool,
     /// Longest time from the end of a request to the end of its answer.
     pub(crate) slowest: Duration,
     /// Number of requests without an answer.
@@ -90,7 +68,6 @@ pub(crate) struct Run {
     pub(crate) chain: ChainBench,
     host: HostLink,
     setup: Setup,
-    place: Place,
     /// The hub that has the faults.
     faulty: Member,
     /// The hub without faults.
@@ -140,17 +117,12 @@ const FIRST: u8 = Address::DEFAULT.get();
 const SECOND: u8 = 9;
 
 impl Run {
-    /// Starts all motors, and waits until they follow their commands. The board of the test gets the faults.
-    pub(crate) fn new(setup: Setup, place: Place) -> Self {
-        let (board, other) = (board(), other_board());
-        let boards = match place {
-            Place::Alone => vec![board],
-            Place::Parent => vec![board, other],
-            Place::Child => vec![other, board],
-        };
+    /// Starts all motors of hubs on these boards, and waits until the motors follow their commands. Two hubs are a chain, the parent
+    /// first. The board of the test gets the faults.
+    pub(crate) fn new(setup: Setup, boards: &[Board]) -> Self {
         let mut host = HostLink::default();
-        let mut chain = powered(boards.clone());
-        match boards[..] {
+        let mut chain = powered(boards);
+        match boards {
             [Board::NucleoF429zi, _] => {
                 // The parent changes its address first, and later back.
                 for (from, to) in [(FIRST, 7), (FIRST, SECOND), (7, FIRST)] {
@@ -165,12 +137,12 @@ impl Run {
             let is_second = boards.len() > 1 && of == Board::NucleoH743zi2;
             Some(Member { hub, address: if is_second { SECOND } else { FIRST } })
         };
-        let (faulty, other) = (member(board).expect("a hub with faults"), member(other));
+        let (faulty, other) = (member(board()).expect("a hub with faults"), member(other_board()));
         for member in [Some(faulty), other].into_iter().flatten() {
             let host = host.to(member.address);
             MODES.iter().for_each(|mode| mode.start(setup, &mut chain, host));
         }
-        let mut run = Self { chain, host, setup, place, faulty, other, answers: Vec::new() };
+        let mut run = Self { chain, host, setup, faulty, other, answers: Vec::new() };
         run.settle();
         run
     }
@@ -225,7 +197,7 @@ impl Run {
                 && mode.speeds().contains(&hub.look(mode.motor()).counts_per_second)
         };
         OtherResult {
-            fault_in: self.place,
+            fault_in_parent: self.faulty.hub == 0,
             slowest: self.answers.iter().flatten().copied().max().unwrap_or_default(),
             unanswered: self.answers.iter().filter(|answer| answer.is_none()).count(),
             disturbed: MODES.into_iter().filter(|mode| !follows(mode)).collect(),

@@ -25,7 +25,11 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
         }
         cells.extend([once(reports), once(back)]);
         cells.extend(seen.other.as_ref().map(answers));
-        let place = seen.other.as_ref().map_or("", |other| other.fault_in.name());
+        let place = match seen.other {
+            None => "",
+            Some(OtherResult { fault_in_parent: true, .. }) => ", in the parent",
+            Some(OtherResult { fault_in_parent: false, .. }) => ", in the child",
+        };
         // Writing to a string does not fail.
         let _ = writeln!(out, "| {}{place} | {} |", row.name, cells.join(" | "));
     }
