@@ -81,17 +81,11 @@ impl Bench {
         });
     }
 
-    /// Notes each execution of every instruction of the program from now on.
-    pub fn watch_all(&mut self) {
-        // Every even address may be the beginning of an instruction.
-        let code = self.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
-        let all = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
-        self.watch(all);
-    }
-
     /// Runs for this time, and returns how often each instruction ran, by address.
     pub fn profile(&mut self, time: Duration) -> BTreeMap<u64, u64> {
-        self.watch_all();
+        // Every even address may be the beginning of an instruction.
+        let code = self.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
+        self.watch(code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect());
         self.take_hits();
         self.run(time);
         let mut counts = BTreeMap::new();

@@ -8,6 +8,7 @@ use crate::common::{am60, board, ms, publish};
 use crate::recording::{Configuration, ControlVariant, Counts, OnChip, Recording};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
+use emulated::Board;
 use emulated::elf::{self, Symbol};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
@@ -69,9 +70,6 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     }
 }
 
-/// Instructions per second of the core of the NUCLEO-F429ZI.
-const CORE: u64 = 168_000_000;
-
 fn mean(counts: &[u64]) -> u64 {
     counts.iter().sum::<u64>() / counts.len().max(1) as u64
 }
@@ -105,7 +103,7 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);
                 assert!(
-                    per_second <= percent * CORE / 100,
+                    per_second <= percent * Board::NucleoF429zi.core_hz() / 100,
                     "{mode} at {ms} ms, {variant:?}: {step}, {sample}"
                 );
             }
@@ -152,21 +150,8 @@ fn module_of(function: &str) -> String {
     ours.map_or_else(|| "other crates".to_owned(), str::to_owned)
 }
 
-/// `cargo test --test image report -- --ignored --nocapture`: prints which functions and lines execute the instructions
-/// of a step.
-#[test]
-#[ignore = "a report, not a test"]
-fn report_of_a_step() {
-    for (variant, mode) in variants().flat_map(|variant| MODES.map(|mode| (variant, mode))) {
-        let recording = record(mode, variant, 50, 200);
-        let mut chip = OnChip::new(&recording);
-        let counts = chip.profile(&recording.inputs);
-        println!("\n{mode}, {variant:?}, 50 ms: instructions per step");
-        report(&chip.image, chip.bench.symbols(), &counts, recording.answers.len() as f64);
-    }
-}
-
-/// Prints the instructions of the whole hub per motor and millisecond.
+/// `cargo test --test image report_of_the_hub -- --ignored --nocapture`: prints which functions and lines execute the
+/// instructions of the whole hub, per motor and millisecond. Each motor has a control step every millisecond.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_the_hub() {

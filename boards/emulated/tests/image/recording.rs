@@ -4,9 +4,6 @@
 //! its results must be equal to the last bit. Inputs and results are words, as the program on the chip has them
 //! (`boards/emulated/budget`).
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-
 use emulated::{Bench, Hit, Mounting, Setup, elf};
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
@@ -182,8 +179,6 @@ pub(crate) struct Counts {
 /// The program that steps one motor on the chip.
 pub(crate) struct OnChip {
     pub(crate) bench: Bench,
-    /// The file of the program.
-    pub(crate) image: PathBuf,
 }
 
 /// First instructions of a step and of the code after the step, and the same of a sample.
@@ -206,7 +201,7 @@ impl OnChip {
             u32::from(coefficients.is_some()),
         ];
         bench.write_words(bench.address("SETTINGS"), words);
-        Self { bench, image }
+        Self { bench }
     }
 
     /// Replays inputs, and returns the result of each tick.
@@ -248,21 +243,6 @@ impl OnChip {
         self.bench.take_hits();
         self.replay(inputs);
         self.bench.take_hits()
-    }
-
-    /// Replays inputs, and returns how often each instruction of the steps ran, by address.
-    pub(crate) fn profile(&mut self, inputs: &[Input]) -> BTreeMap<u64, u64> {
-        self.bench.watch_all();
-        let [begin, end, ..] = CALLS.map(|name| self.bench.address(name));
-        let mut within = false;
-        let mut counts = BTreeMap::new();
-        for Hit { address, .. } in self.hits(Vec::new(), inputs) {
-            within = address == begin || within && address != end;
-            if within {
-                *counts.entry(address).or_default() += 1;
-            }
-        }
-        counts
     }
 
     /// Replays inputs and counts the instructions of each call of a function from the motor's own functions, including the
