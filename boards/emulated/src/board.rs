@@ -53,25 +53,14 @@ impl Board {
         }
     }
 
-    /// Returns the addresses of the RAM with the image's stack and statics. Its end is the record, which no start-up code clears.
+    /// Returns the addresses of the RAM with the image's stack and statics. Its last 4 kB are the record of faults, which no start-up
+    /// code clears.
     #[must_use]
     pub const fn ram(self) -> Range<u64> {
         match self {
             Self::NucleoF429zi => 0x2000_0000..0x2003_0000,
             Self::NucleoH743zi2 => 0x2000_0000..0x2002_0000,
         }
-    }
-
-    /// Returns the addresses of the record of faults, which no start-up code clears.
-    #[must_use]
-    pub const fn record(self) -> Range<u64> {
-        self.ram().end - 0x1000..self.ram().end
-    }
-
-    /// Returns the addresses of the stack, without its guard.
-    #[must_use]
-    pub const fn stack(self) -> Range<u64> {
-        0x2000_2000..0x2000_8000
     }
 
     /// Returns the addresses of the flash.

@@ -14,6 +14,8 @@
 use std::time::Duration;
 
 use motor_hub::extension::Request;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::motor::Settings;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::{self, Decoder, OVERHEAD, Packet};
 use motor_hub::protocol::motor::{ChannelMode, RunMode, Target, ToMotor};
@@ -66,18 +68,12 @@ pub struct HostLink {
 
 impl Default for HostLink {
     fn default() -> Self {
-        Self::new(Address::DEFAULT)
+        Self { address: Address::DEFAULT.get(), message: 0, decoder: Decoder::new(), bytes: 0 }
     }
 }
 
 impl HostLink {
-    /// Creates the link to the hub with this address.
-    #[must_use]
-    pub const fn new(address: Address) -> Self {
-        Self { address: address.get(), message: 0, decoder: Decoder::new(), bytes: 0 }
-    }
-
-    /// Addresses the next requests to this hub of a chain.
+    /// Addresses the next requests to the hub with this address.
     pub const fn to(&mut self, address: u8) -> &mut Self {
         self.address = address;
         self
@@ -188,6 +184,11 @@ impl HostLink {
     /// Sends the hub a keep-alive.
     pub fn keep_alive(&mut self, line: &mut impl Line) {
         self.command(line, Standard::KeepAlive);
+    }
+
+    /// Sends one group of a motor's settings.
+    pub fn set(&mut self, line: &mut impl Line, motor: u8, group: Group, settings: Settings) {
+        self.command(line, Request::Set(motor, Values::of(group, &MotorSettings::new(settings))));
     }
 
     /// Sets the run mode of a motor, which brakes at power 0.

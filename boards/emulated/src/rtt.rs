@@ -95,24 +95,22 @@ pub(crate) fn decode(table: &Table, taken: &[Vec<(u64, Vec<u8>)>]) -> Vec<LogLin
         let mut decoder = table.new_stream_decoder();
         for (at, bytes) in chunks {
             decoder.received(bytes);
+            let at = Duration::from_nanos(*at);
             loop {
-                match decoder.decode() {
-                    Ok(frame) => lines.push(LogLine {
-                        at: Duration::from_nanos(*at),
+                lines.push(match decoder.decode() {
+                    Ok(frame) => LogLine {
+                        at,
                         stamp: frame.display_timestamp().map(|t| t.to_string()).unwrap_or_default(),
                         level: frame.level().map_or("print", |level| level.as_str()).to_owned(),
                         text: frame.display_message().to_string(),
                         boot,
-                    }),
+                    },
                     Err(DecodeError::UnexpectedEof) => break,
-                    Err(DecodeError::Malformed) => lines.push(LogLine {
-                        at: Duration::from_nanos(*at),
-                        stamp: String::new(),
-                        level: "error".to_owned(),
-                        text: "malformed log frame".to_owned(),
-                        boot,
-                    }),
-                }
+                    Err(DecodeError::Malformed) => {
+                        let (level, text) = ("error".to_owned(), "malformed log frame".to_owned());
+                        LogLine { at, stamp: String::new(), level, text, boot }
+                    }
+                });
             }
         }
     }

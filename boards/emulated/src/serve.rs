@@ -10,7 +10,6 @@
 use std::time::Duration;
 
 use motor_hub::model::catalogue::characterised;
-use motor_hub::protocol::Address;
 use motor_hub::protocol::requests::Standard;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
@@ -25,7 +24,7 @@ const STEP: Duration = Duration::from_millis(1);
 const BOOT: Duration = Duration::from_millis(200);
 
 /// An address that the image does not have.
-const OTHER: Address = Address::new(254).expect("in range");
+const OTHER: u8 = 254;
 
 /// Time without a byte after which a reply is complete. It is longer than four bytes take.
 const PAUSE: Duration = Duration::from_micros(100);
@@ -71,7 +70,7 @@ pub fn run(
     bench.run(BOOT);
     // The emulator takes time to translate code that it executes for the first time. So the firmware receives a packet
     // for another hub before a host waits for an answer.
-    bench.send(&HostLink::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
+    bench.send(&HostLink::default().to(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
     pace(|step, lost| {
         let at_s = step as f64 * STEP.as_secs_f64();

@@ -9,8 +9,7 @@ use emulated::Bench;
 use emulated::elf::{self, Variant};
 use emulated::host_link::HostLink;
 use motor_hub::braking::Winding;
-use motor_hub::extension::Request;
-use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::settings::Group;
 use motor_hub::motor::Settings;
 use motor_hub::units::Period;
 
@@ -64,8 +63,7 @@ pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
         let groups =
             [settings.dynamics.map(|_| Group::Motion), settings.coefficients.map(|_| Group::VelocityLoop)];
         for group in groups.into_iter().flatten() {
-            let values = Values::of(group, &MotorSettings::new(settings));
-            host.command(&mut bench, Request::Set(motor as u8, values));
+            host.set(&mut bench, motor as u8, group, settings);
         }
         host.velocity(&mut bench, motor as u8, 1000);
     }

@@ -133,9 +133,7 @@ pub(crate) fn expect_speed(bench: &mut Bench, motors: impl IntoIterator<Item = u
 
 /// Watches the task that samples the encoders every millisecond.
 pub(crate) fn watch_samples(bench: &mut Bench) {
-    let mut tasks = bench.symbols().iter().filter(|s| s.name.contains("capture_task"));
-    let poll = tasks.find(|s| s.name.ends_with("::poll")).expect("the task that samples").address;
-    bench.watch(vec![poll]);
+    bench.watch(vec![bench.address("TaskStorage..capture_task..::poll")]);
     bench.take_hits();
 }
 
@@ -177,13 +175,13 @@ pub(crate) fn time_to(
     since.map(|at| at.saturating_sub(from))
 }
 
-/// Returns the time from `from` until a bridge opened and stayed open.
-///
-/// # Panics
-/// Panics if the bridge is not open now.
-pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, from: Duration) -> Duration {
-    let time = time_to(&bench.transitions(), motor, from, Lines::open);
-    time.unwrap_or_else(|| panic!("bridge {motor} is not open: {:?}", bench.lines(motor)))
+/// Expects that the bridge of each motor opened at most this time after `from`, and stayed open.
+#[track_caller]
+pub(crate) fn expect_open_within(bench: &mut Bench, from: Duration, limit: Duration) {
+    for motor in 0..bench.motors() {
+        let time = time_to(&bench.transitions(), motor, from, Lines::open);
+        assert!(time.is_some_and(|time| time <= limit), "bridge {motor} is open {time:?} after {from:?}");
+    }
 }
 
 /// Expects a motor to turn at this speed, within a tolerance, in counts/s.

@@ -82,7 +82,8 @@ fn settings_are_there_again_after_the_power_was_gone() {
     bench.assert_sound();
     drop(bench);
 
-    let (mut bench, mut host) = (powered_on(stored), HostLink::new(address));
+    let (mut bench, mut host) = (powered_on(stored), HostLink::default());
+    host.to(address.get());
     let report = state(&mut bench, &mut host);
     assert_eq!((report.stored, report.number, report.differs), (Stored::Whole, 2, false));
     assert_eq!(protected(&mut bench, &mut host), protection(1_234));

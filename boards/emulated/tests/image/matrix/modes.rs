@@ -5,8 +5,7 @@ use std::ops::RangeInclusive;
 use emulated::host_link::{HostLink, Line};
 use emulated::{Board, ChainBench, Mounting};
 use motor_hub::braking::Winding;
-use motor_hub::extension::Request;
-use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::settings::Group;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::KgM2;
 use motor_hub::motor::{OnFault, Settings};
@@ -52,8 +51,7 @@ impl Setup {
         settings.dynamics = Some(dynamics(&wheel(), &settings));
         settings.on_fault = OnFault::Brake;
         for group in [Group::Motion, Group::Protection] {
-            let values = Values::of(group, &MotorSettings::new(settings));
-            host.command(line, Request::Set(motor, values));
+            host.set(line, motor, group, settings);
         }
     }
 }
