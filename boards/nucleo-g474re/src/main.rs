@@ -50,7 +50,7 @@ async fn main(spawner: Spawner) {
     // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
-    static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());
+    static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::EMPTY);
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
         pwm.bridge(p.PA8, low(p.PC0), low(p.PC1)),

@@ -85,8 +85,7 @@ async fn main(spawner: Spawner) {
     // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG1);
 
-    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
-        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
+    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> = ConstStaticCell::new([serial::Buffers::EMPTY; 3]);
     let [first, second, third] = BUFFERS.take();
     let pwm = Pwm::new(p.TIM1);
     chip::break_pwm();

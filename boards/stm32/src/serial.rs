@@ -44,16 +44,8 @@ pub struct Buffers {
 }
 
 impl Buffers {
-    /// Creates empty buffers.
-    pub const fn new() -> Self {
-        Self { received: [0; RECEIVED], sent: [0; SENT], decoder: Decoder::new() }
-    }
-}
-
-impl Default for Buffers {
-    fn default() -> Self {
-        Self::new()
-    }
+    /// Empty buffers.
+    pub const EMPTY: Self = Self { received: [0; RECEIVED], sent: [0; SENT], decoder: Decoder::new() };
 }
 
 /// A line: its sending and its receiving half.
