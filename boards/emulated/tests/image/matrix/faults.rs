@@ -1,4 +1,4 @@
-//! The rows of the fault matrix: how each fault is applied, what is done meanwhile, and how the fault is removed.
+//! The rows of the fault matrix: how each fault begins and ends, and what is done meanwhile.
 
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -54,26 +54,34 @@ pub(crate) const SLOT_MISSING: Fault =
     Fault::Encoder(Encoder::MissingSlot { of: NonZeroU32::new(7).expect("some") });
 
 impl Fault {
-    pub(crate) fn apply(self, bench: &mut Bench) {
+    /// Begins the fault, or ends it. Some faults end without help.
+    pub(crate) fn set(self, bench: &mut Bench, on: bool) {
         match self {
-            Self::Encoder(encoder) => (0..4).for_each(|motor| bench.set_encoder(motor, encoder)),
-            Self::ConverterDead => bench.set_adc_dead(true),
-            Self::Battery(volts) => bench.set_battery(volts),
-            Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, true)),
-            Self::HostSilent => {}
-            Self::HostGarbled(per_million) => bench.garble_serial(per_million, 7),
-            Self::LogAbandoned => bench.set_log_abandoned(true),
-            Self::TaskHangs(task) => bench.divert(task, FaultyCode::Loops),
-            Self::BusError => bench.fail_next_access(COUNTER),
-            Self::ResetPin => bench.pull_reset(bench.now()),
-            Self::BatteryPinOpen => bench.open_battery_pin(true),
-            Self::SupplyFalls => bench.set_rail(too_low()),
-            Self::LockUp => bench.lock_up(COUNTER),
-            Self::ClocksDoNotStart => {
-                bench.set_power_dead(true);
-                bench.pull_reset(bench.now());
+            Self::Encoder(fault) => {
+                let encoder = if on { fault } else { Encoder::Sound };
+                (0..4).for_each(|motor| bench.set_encoder(motor, encoder));
             }
-            Self::FlashFaulty(faults) => bench.set_flash_faults(faults),
+            Self::ConverterDead => bench.set_adc_dead(on),
+            Self::Battery(volts) => bench.set_battery(if on { volts } else { NOMINAL }),
+            Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, on)),
+            Self::HostGarbled(per_million) => bench.garble_serial(if on { per_million } else { 0 }, 7),
+            Self::LogAbandoned => bench.set_log_abandoned(on),
+            Self::BatteryPinOpen => bench.open_battery_pin(on),
+            Self::SupplyFalls => bench.set_rail(if on { too_low() } else { 3_300 }),
+            Self::ClocksDoNotStart => {
+                bench.set_power_dead(on);
+                if on {
+                    bench.pull_reset(bench.now());
+                }
+            }
+            Self::FlashFaulty(faults) => {
+                bench.set_flash_faults(if on { faults } else { FlashFaults::default() });
+            }
+            Self::TaskHangs(task) if on => bench.divert(task, FaultyCode::Loops),
+            Self::BusError if on => bench.fail_next_access(COUNTER),
+            Self::ResetPin if on => bench.pull_reset(bench.now()),
+            Self::LockUp if on => bench.lock_up(COUNTER),
+            Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
         }
     }
 
@@ -128,24 +136,7 @@ impl Fault {
         }
     }
 
-    pub(crate) fn remove(self, bench: &mut Bench) {
-        match self {
-            Self::Encoder(_) => (0..4).for_each(|motor| bench.set_encoder(motor, Encoder::Sound)),
-            Self::ConverterDead => bench.set_adc_dead(false),
-            Self::Battery(_) => bench.set_battery(NOMINAL),
-            Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, false)),
-            Self::HostGarbled(_) => bench.garble_serial(0, 7),
-            Self::LogAbandoned => bench.set_log_abandoned(false),
-            Self::BatteryPinOpen => bench.open_battery_pin(false),
-            Self::SupplyFalls => bench.set_rail(3_300),
-            Self::ClocksDoNotStart => bench.set_power_dead(false),
-            Self::FlashFaulty(_) => bench.set_flash_faults(FlashFaults::default()),
-            // These faults end without help.
-            Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
-        }
-    }
-
-    /// Returns how long the hub may need until it answers again after the fault was removed.
+    /// Returns how long the hub may need until it answers again after the end of the fault.
     pub(crate) const fn until_answers(self) -> Duration {
         match self {
             // The hub discards an incomplete packet after 50 ms.

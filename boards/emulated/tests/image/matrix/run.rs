@@ -147,13 +147,13 @@ impl Run {
         run
     }
 
-    /// Applies the fault of a row, removes it, and waits until all motors follow their commands again.
+    /// Begins the fault of a row, ends it, and waits until all motors follow their commands again.
     pub(crate) fn row(&mut self, row: &Row) -> RowResult {
         let _: Status = self.read(Standard::Status { clear: true });
         self.answers.clear();
         let (from, logged) = (self.now(), self.bench().log().len());
         let before = MODES.map(|mode| self.bench().look(mode.motor()));
-        row.fault.apply(self.bench());
+        row.fault.set(self.bench(), true);
         row.fault.run(self);
         let (to, transitions) = (self.now(), self.bench().transitions());
         let after = MODES.map(|mode| self.bench().look(mode.motor()));
@@ -162,7 +162,7 @@ impl Run {
         let bus: Option<BusReport> = row.fault.host_can_ask().then(|| self.read(HubFunction::Bus));
         let log: Vec<String> = self.bench().log().into_iter().skip(logged).map(|line| line.text).collect();
         let stopped = off(self.bench());
-        row.fault.remove(self.bench());
+        row.fault.set(self.bench(), false);
         self.pass(row.fault.until_answers());
         let status: Status = self.read(Standard::Status { clear: true });
         let mut reports: Vec<_> =
