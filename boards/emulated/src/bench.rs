@@ -106,15 +106,7 @@ pub struct Reset {
 }
 
 /// Why the emulator's thread ended before the end of its bench.
-#[derive(Debug, thiserror::Error)]
-enum Stopped {
-    #[error(transparent)]
-    Chip(#[from] rigless::soc::Error),
-    #[error("the bench cannot listen for GDB: {0}")]
-    Debugger(#[from] std::io::Error),
-    #[error(transparent)]
-    Emulator(#[from] rigless::emulator::Error),
-}
+type Stopped = Box<dyn std::error::Error + Send + Sync>;
 
 /// A running image with its motors.
 ///
@@ -288,7 +280,7 @@ impl Bench {
 
     /// Returns the PWM periods. `None` until the timer runs.
     pub fn pwm_grid(&mut self) -> Option<Grid> {
-        self.at_stop(|surroundings, _, _| surroundings.grid())
+        self.at_stop(|surroundings, _, _| surroundings.timer.running)
     }
 
     /// Returns the voltage of the battery under load, V, and the current that leaves the battery, A.

@@ -89,7 +89,8 @@ struct Channel {
 pub(crate) struct Timer {
     channels: [Channel; CHANNELS],
     reload: u32,
-    running: Option<Grid>,
+    /// The periods of the counter. `None` while it does not run.
+    pub(crate) running: Option<Grid>,
     /// Time in ns at which the preloaded values take effect.
     pub(crate) update_at: Option<u64>,
 }
@@ -100,11 +101,6 @@ const FORCE_LOW: u32 = 4;
 const PWM_1: u32 = 6;
 
 impl Timer {
-    /// Returns the periods of the counter. `None` while it does not run.
-    pub(crate) const fn grid(&self) -> Option<Grid> {
-        self.running
-    }
-
     /// Processes the write of a register at the time `at` (ns). `update` is true if the write has set EGR.UG. `hz` is the timer's
     /// clock.
     pub(crate) fn written(&mut self, at: u64, update: bool, registers: &Registers, hz: u64) {

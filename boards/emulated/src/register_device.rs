@@ -26,7 +26,8 @@ pub struct RegisterDevice {
     next: u8,
     /// The bytes of a write that has not ended.
     written: Vec<u8>,
-    absent: bool,
+    /// True if the device is disconnected from the bus.
+    pub absent: bool,
 }
 
 impl RegisterDevice {
@@ -46,11 +47,6 @@ impl RegisterDevice {
         let mut sensor = Bno055::default();
         sensor.run(1.0, 0.0, 0.0);
         Self::with(BNO055, Memory::Sensor(Box::new(sensor), 0))
-    }
-
-    /// Connects the device to the bus, or disconnects it.
-    pub const fn set_present(&mut self, present: bool) {
-        self.absent = !present;
     }
 
     /// Returns the content of a register, or 0 for a BNO055.

@@ -60,7 +60,7 @@ pub(crate) struct Surroundings {
     pub(crate) hits: Vec<Hit>,
     pub(crate) now: u64,
     pub(crate) instructions: u64,
-    timer: Timer,
+    pub(crate) timer: Timer,
     resets: usize,
     /// Time in ns before which the log is not read, because the start-up code has not initialised its ring yet.
     quiet_until: u64,
@@ -98,11 +98,6 @@ impl Surroundings {
             commands,
             planned: VecDeque::new(),
         }
-    }
-
-    /// Returns the periods of the PWM timer. `None` while it does not run.
-    pub(crate) const fn grid(&self) -> Option<crate::pwm::Grid> {
-        self.timer.grid()
     }
 
     /// Plans a function for a later time, ns.
@@ -153,9 +148,9 @@ impl Surroundings {
         let board = session.board_mut();
         let (registers, hz) = (board.pwm(), board.chip.pwm_hz());
         let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
-        let before = self.timer.grid();
+        let before = self.timer.running;
         self.timer.written(at, update, &registers, hz);
-        if let Some(grid) = self.timer.grid()
+        if let Some(grid) = self.timer.running
             && before != Some(grid)
         {
             self.shafts.set_grid(at, grid);

@@ -23,17 +23,8 @@ pub(crate) const LINE_PORT: usize = 3;
 /// Pins of INA and INB of each bridge.
 pub(crate) const LINE_PINS: [(u8, u8); BRIDGES] = [(0, 1), (2, 3), (4, 5), (6, 7)];
 
-/// A quadrature counter.
-pub(crate) enum Counter {
-    /// Number of a timer among TIM2 to TIM5, from 0.
-    General(usize),
-    /// Number of a timer among TIM1 and TIM8, from 0.
-    Advanced(usize),
-}
-
-/// Timers of the encoders, in the order of the motors: TIM2, TIM3, TIM4 and TIM8.
-pub(crate) const ENCODERS: [Counter; BRIDGES] =
-    [Counter::General(0), Counter::General(1), Counter::General(2), Counter::Advanced(1)];
+/// Number of TIM8 among TIM1 and TIM8. TIM8 counts the edges of the last motor's encoder. The first motors have TIM2, TIM3 and TIM4.
+pub(crate) const LAST_COUNTER: usize = 1;
 
 /// Address of TIM5, from which embassy takes the time.
 pub(crate) const TIME_DRIVER: u64 = 0x4000_0C00;

@@ -200,13 +200,11 @@ impl Part for Chip {
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
-        match wiring::ENCODERS[motor] {
-            wiring::Counter::General(nth) => {
-                self.part.drive_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
-            }
-            wiring::Counter::Advanced(nth) => {
-                self.part.drive_advanced_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
-            }
+        if motor + 1 < wiring::BRIDGES {
+            self.part.drive_timer(at, motor, |t, r, c| t.drive_input(channel, level, r, c));
+        } else {
+            let counter = wiring::LAST_COUNTER;
+            self.part.drive_advanced_timer(at, counter, |t, r, c| t.drive_input(channel, level, r, c));
         }
     }
 

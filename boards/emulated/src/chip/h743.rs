@@ -254,19 +254,16 @@ impl Part for Chip {
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
         let part = &mut self.part;
-        match wiring::ENCODERS[motor] {
-            wiring::Counter::General(nth) => {
-                let of = TIMERS[nth];
-                let mut timer = std::mem::replace(&mut part.tim[nth], Tim::new(of));
-                drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
-                part.tim[nth] = timer;
-            }
-            wiring::Counter::Advanced(nth) => {
-                let of = ADVANCED_TIMERS[nth];
-                let mut timer = std::mem::replace(&mut part.advanced[nth], Tim::new(of));
-                drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
-                part.advanced[nth] = timer;
-            }
+        if motor + 1 < wiring::BRIDGES {
+            let of = TIMERS[motor];
+            let mut timer = std::mem::replace(&mut part.tim[motor], Tim::new(of));
+            drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
+            part.tim[motor] = timer;
+        } else {
+            let of = ADVANCED_TIMERS[wiring::LAST_COUNTER];
+            let mut timer = std::mem::replace(&mut part.advanced[wiring::LAST_COUNTER], Tim::new(of));
+            drive(&mut timer, part.bus_mut(), of.instance, at, (channel, level));
+            part.advanced[wiring::LAST_COUNTER] = timer;
         }
     }
 

@@ -85,32 +85,25 @@ fn share(image: &Path, configuration: Configuration) -> f64 {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_whole_hub_needs_little_of_the_core_every_50_ms() {
-    the_whole_hub_needs_at_most(50, by_board(2.0, 1.0));
-}
-
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
-    the_whole_hub_needs_at_most(1, 20.0);
-}
-
-/// Expects the hub to need at most `most` percent of the core's instructions at this control period.
-fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
+fn the_whole_hub_needs_little_of_the_core() {
     let board = board();
-    let mut table = format!(
-        "Share of the {} million instructions per second of {board}: four motors, all tasks and the log.\n\n\
-         | period, motor | share |\n|---|---|\n",
-        board.core_hz() / 1_000_000
-    );
-    let variant = if period_ms == 50 { Variant::Usual } else { Variant::Period(period_ms) };
-    let image = elf::build(board.name(), variant);
-    let shares = Configuration::ALL.map(|configuration| (configuration, share(&image, configuration)));
-    for (configuration, share) in shares {
-        table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", configuration.name());
-    }
-    publish(&format!("hub-{period_ms}-ms"), &table);
-    for (configuration, share) in shares {
-        assert!(share <= most, "every {period_ms} ms, {configuration:?}: {share} %");
+    // The control period in ms, and the largest share of the core's instructions in percent.
+    for (period_ms, variant, most) in
+        [(50, Variant::Usual, by_board(2.0, 1.0)), (1, Variant::Period(1), 20.0)]
+    {
+        let mut table = format!(
+            "Share of the {} million instructions per second of {board}: four motors, all tasks and the log.\n\n\
+             | period, motor | share |\n|---|---|\n",
+            board.core_hz() / 1_000_000
+        );
+        let image = elf::build(board.name(), variant);
+        let shares = Configuration::ALL.map(|configuration| (configuration, share(&image, configuration)));
+        for (configuration, share) in shares {
+            table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", configuration.name());
+        }
+        publish(&format!("hub-{period_ms}-ms"), &table);
+        for (configuration, share) in shares {
+            assert!(share <= most, "every {period_ms} ms, {configuration:?}: {share} %");
+        }
     }
 }

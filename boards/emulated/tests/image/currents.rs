@@ -21,8 +21,22 @@ fn condition(bench: &mut Bench, host: &mut HostLink, motor: u8) -> Condition {
     host.read(bench, MotorFunction::Condition.to(motor))
 }
 
-fn motor_channel(motor: u8) -> AdcChannel {
-    AdcChannel::new(8 + motor).expect("a channel")
+/// Returns the current of a motor in mA that a host gets.
+fn reported(bench: &mut Bench, host: &mut HostLink, motor: u8) -> f64 {
+    f64::from(host.analog(bench, AdcChannel::new(8 + motor).expect("a channel")))
+}
+
+/// Expects that the hub measures the current of each motor, and reports the currents in mA that flow.
+#[track_caller]
+fn expect_measured(bench: &mut Bench, host: &mut HostLink, flows: [f64; 4]) {
+    for (motor, flows) in (0..).zip(flows) {
+        let reported = reported(bench, host, motor);
+        println!("motor {motor}: {flows:.0} mA flow, {reported:.0} mA reported");
+        let tolerance = 10.0 + 0.02 * flows.abs();
+        assert!((reported - flows.abs()).abs() < tolerance, "motor {motor}: {flows}, {reported} mA");
+        let Condition { measured_ma, sense_line, .. } = condition(bench, host, motor);
+        assert_eq!((measured_ma.is_some(), sense_line), (true, SenseLine::Sound), "motor {motor}");
+    }
 }
 
 /// Returns the mean current of each motor and of the battery over 100 ms, in mA.
@@ -50,16 +64,7 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
     }
     bench.run(ms(600));
     let (flows, drawn) = flowing(&mut bench);
-    for (motor, flows) in (0..).zip(flows) {
-        let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
-        println!("motor {motor}: {flows:.0} mA flow, {reported:.0} mA reported");
-        assert!(
-            (reported - flows.abs()).abs() < 10.0 + 0.02 * flows.abs(),
-            "motor {motor}: {flows}, {reported} mA"
-        );
-        let Condition { measured_ma, sense_line, .. } = condition(&mut bench, &mut host, motor);
-        assert_eq!((measured_ma.is_some(), sense_line), (true, SenseLine::Sound));
-    }
+    expect_measured(&mut bench, &mut host, flows);
     let modelled = f64::from(condition(&mut bench, &mut host, 2).current.get());
     assert!(modelled < 0.6 * flows[2], "{modelled} mA by the configured constants");
     let reported = f64::from(host.analog(&mut bench, BATTERY_CURRENT));
@@ -94,12 +99,7 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
         }
         bench.run(ms(600));
         let (flows, _) = flowing(&mut bench);
-        for (motor, flows) in (0..).zip(flows) {
-            let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
-            let measured = condition(&mut bench, &mut host, motor).measured_ma;
-            assert!(measured.is_some(), "motor {motor}");
-            assert!((reported - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {reported} mA");
-        }
+        expect_measured(&mut bench, &mut host, flows);
         bench.assert_sound();
     });
 }
@@ -140,7 +140,7 @@ pub(crate) fn a_broken_sense_line_is_reported_and_not_used() {
     );
     let modelled = f64::from(said[0].current.get());
     for motor in 0..2 {
-        let reported = f64::from(host.analog(&mut bench, motor_channel(motor)));
+        let reported = reported(&mut bench, &mut host, motor);
         assert!((reported - modelled).abs() < 20.0, "motor {motor}: {reported} mA for {modelled}");
     }
     // A repaired line needs no reset.

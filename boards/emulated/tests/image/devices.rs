@@ -288,11 +288,11 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     };
     works(&mut hub);
     // No device is at the address, for reads and for writes.
-    hub.bench.device(0, 0, |device| device.set_present(false));
+    hub.bench.device(0, 0, |device| device.absent = true);
     assert_eq!(hub.read_register(0, 0x00, 4).0, NO_ADDRESS);
     hub.command(WRITE_I2C, &[0, 0x28, 2, 0x3E, 0]);
     assert_eq!(hub.result(POLL_I2C_WRITE, 0).0, NO_ADDRESS);
-    hub.bench.device(0, 0, |device| device.set_present(true));
+    hub.bench.device(0, 0, |device| device.absent = false);
     works(&mut hub);
     // A device stretches the clock for 30 ms in the middle of a transfer.
     hub.command(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);

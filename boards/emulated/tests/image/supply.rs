@@ -119,28 +119,6 @@ fn a_battery_that_breaks_down_opens_the_bridges_within_4_ms() {
     bench.assert_sound();
 }
 
-/// Expects four motors to keep their speed until the log's buffer is full and longer, with new duties in every second.
-fn runs_on_unread(bench: &mut Bench) {
-    for second in 0..15 {
-        // The load changes, so that the regulator changes duties.
-        let load = if second % 2 == 0 { 0.1 } else { -0.1 };
-        (0..4).for_each(|motor| bench.set_torque(motor, load));
-        let (from, changes) = (bench.now(), bench.transitions().len());
-        // After this time each motor has its speed again.
-        bench.run(ms(300));
-        let turned = counts_in(bench, ms(700));
-        assert_eq!(bench.resets(), [], "after {from:?}");
-        let changes = bench.transitions().len() - changes;
-        assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
-        for (motor, counts) in turned.into_iter().enumerate() {
-            assert!(
-                (counts - 700).abs() < 21,
-                "motor {motor} turned {counts} counts from 0.3 s to 1 s after {from:?}"
-            );
-        }
-    }
-}
-
 #[test]
 fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
     let (mut bench, mut host) = with_host(vec![am60()]);
@@ -176,7 +154,25 @@ fn a_log_without_a_reader_stops_nothing_and_is_whole_when_a_reader_comes() {
     bench.run(ms(300));
     bench.press(true);
     bench.run(ms(1500));
-    runs_on_unread(&mut bench);
+    // Four motors keep their speed until the log's buffer is full and longer, with new duties in every second.
+    for second in 0..15 {
+        // The load changes, so that the regulator changes duties.
+        let load = if second % 2 == 0 { 0.1 } else { -0.1 };
+        (0..4).for_each(|motor| bench.set_torque(motor, load));
+        let (from, changes) = (bench.now(), bench.transitions().len());
+        // After this time each motor has its speed again.
+        bench.run(ms(300));
+        let turned = counts_in(&mut bench, ms(700));
+        assert_eq!(bench.resets(), [], "after {from:?}");
+        let changes = bench.transitions().len() - changes;
+        assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
+        for (motor, counts) in turned.into_iter().enumerate() {
+            assert!(
+                (counts - 700).abs() < 21,
+                "motor {motor} turned {counts} counts from 0.3 s to 1 s after {from:?}"
+            );
+        }
+    }
     bench.set_log_abandoned(false);
     let lines = bench.log().len();
     bench.run(ms(2000));
