@@ -39,15 +39,6 @@ impl Lines {
         }
     }
 
-    /// Returns the share of a period of `ticks` in which the PWM line is high, 0 to 1.
-    #[must_use]
-    pub fn duty(self, ticks: u32) -> f64 {
-        match self.pwm {
-            Output::Level(high) => f64::from(u8::from(high)),
-            Output::Pulse(high) => f64::from(high) / f64::from(ticks.max(1)),
-        }
-    }
-
     /// True if the motor is shorted all the time: full dynamic braking.
     #[must_use]
     pub fn shorted(self) -> bool {

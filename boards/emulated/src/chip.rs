@@ -15,7 +15,7 @@ macro_rules! same_on_every_chip {
         }
 
         fn servo(&self, servo: usize) -> &[Edge] {
-            self.servos[servo].edges()
+            &self.servos[servo].edges
         }
 
         fn attach_device(&mut self, bus: usize, device: RegisterDevice) {

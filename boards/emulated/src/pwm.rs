@@ -171,13 +171,9 @@ impl Timer {
             FORCE_LOW => Output::Level(false),
             PWM_1 if self.running.is_none() || channel.shadow == 0 => Output::Level(channel.shadow > 0),
             PWM_1 if channel.shadow > self.reload => Output::Level(true),
-            PWM_1 => Output::Pulse(channel.shadow * self.prescaler()),
+            PWM_1 => Output::Pulse(channel.shadow * (registers.psc + 1)),
             mode => unreachable!("the firmware uses no output compare mode {mode}"),
         }
-    }
-
-    fn prescaler(&self) -> u32 {
-        self.running.map_or(1, |grid| grid.ticks / (self.reload + 1))
     }
 }
 

@@ -260,11 +260,14 @@ impl Shafts {
         self.rebase(index, at);
         let ticks = self.grid.map_or(1, |grid| grid.ticks);
         let torque_after = self.shafts[index].command.torque_after;
-        let (on, off) = match lines.pwm {
-            Output::Level(high) => (lines.state(high), lines.state(high)),
-            Output::Pulse(_) => (lines.state(true), lines.state(false)),
+        let [on, off] = [true, false].map(|high| lines.state(high));
+        self.shafts[index].command = match lines.pwm {
+            Output::Level(true) => PlantInput { on, off: on, duty: 1.0, torque_after },
+            Output::Level(false) => PlantInput { on: off, off, duty: 0.0, torque_after },
+            Output::Pulse(high) => {
+                PlantInput { on, off, duty: f64::from(high) / f64::from(ticks), torque_after }
+            }
         };
-        self.shafts[index].command = PlantInput { on, off, duty: lines.duty(ticks), torque_after };
         self.simulate_again(index);
     }
 

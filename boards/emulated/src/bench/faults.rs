@@ -41,8 +41,6 @@ impl Bench {
 
     /// Makes the running or the next conversion of a converter take longer by this time. ADC2 (`number` 2) measures the currents, and
     /// ADC3 the reference and the analog inputs.
-    ///
-    /// # Panics
     /// Panics on another chip than the H743. A converter of the F427 has a data register for each current, so a late conversion
     /// has no effect.
     pub fn delay_conversion(&mut self, number: usize, time: Duration) {
@@ -109,8 +107,6 @@ impl Bench {
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
-    ///
-    /// # Panics
     /// Panics on another chip than the H743.
     pub fn set_revision(&mut self, revision: u16) {
         self.on_h743(move |chip, now| chip.set_revision(VirtualNanos(now), revision));
@@ -123,16 +119,12 @@ impl Bench {
     }
 
     /// Sets the faults of the flash from now on.
-    ///
-    /// # Panics
     /// Panics on another chip than the H743.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
         self.on_h743(move |chip, _| chip.flash.faults = faults);
     }
 
     /// Makes the flash stay busy until the chip is reset.
-    ///
-    /// # Panics
     /// Panics on another chip than the H743.
     pub fn hold_flash(&mut self) {
         self.on_h743(|chip, _| chip.flash.never_ends = true);

@@ -49,7 +49,8 @@ pub(super) struct ServoTimer<B> {
     /// Clock of the timer, Hz.
     pub(super) hz: u64,
     table: &'static [RegisterSpec],
-    edges: Vec<Edge>,
+    /// All edges so far.
+    pub(super) edges: Vec<Edge>,
     /// True if the pin belongs to channel 2, otherwise to channel 1.
     second_channel: bool,
     /// Prescaler, auto-reload and compare values in use.
@@ -80,11 +81,6 @@ impl<B> ServoTimer<B> {
             falls: false,
             high: false,
         }
-    }
-
-    /// Returns all edges so far.
-    pub(super) fn edges(&self) -> &[Edge] {
-        &self.edges
     }
 
     /// Resets the timer at the time `at`, ns. A reset ends a pulse.
