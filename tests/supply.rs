@@ -1,7 +1,7 @@
 //! Battery voltage from ADC readings, and what the supply allows motors to do by this voltage.
 
 use motor_hub::supply::{
-    Battery, BusState, DrawStage, Levels, Limits, Supply, Thermometer, VrefintCalibration, VrefintScale,
+    Battery, BusState, DrawStage, Levels, Limits, Supply, VrefintCalibration, VrefintScale,
 };
 use motor_hub::units::{Micros, Millivolts, RangeError, Share};
 
@@ -94,16 +94,13 @@ fn absurd_scales_do_not_overflow() {
 
 #[test]
 fn a_temperature_that_no_chip_has_is_none() {
-    let thermometer = Thermometer { readings: [0, 100] };
-    let reference = VrefintCalibration { reading: u16::MAX, ..calibration(1) };
-    assert_eq!(
-        thermometer.decidegrees(1, 1, VrefintCalibration { reading: 3_712, ..reference }),
-        Some(29_996)
-    );
+    let decidegrees = |reference, factory| {
+        VrefintCalibration { reading: reference, ..calibration(1) }.decidegrees(factory, 1, 1)
+    };
+    assert_eq!(decidegrees(3_712, [0, 100]), Some(29_996));
     // 0.1 degrees Celsius: 33 068 at the reading 4096, and the lowest number of 16 bits at the reading 1.
-    assert_eq!(thermometer.decidegrees(1, 1, VrefintCalibration { reading: 4_096, ..reference }), None);
-    let cold = Thermometer { readings: [33_069, 33_869] };
-    assert_eq!(cold.decidegrees(1, 1, VrefintCalibration { reading: 1, ..reference }), None);
+    assert_eq!(decidegrees(4_096, [0, 100]), None);
+    assert_eq!(decidegrees(1, [33_069, 33_869]), None);
 }
 
 #[test]

@@ -40,19 +40,16 @@
 mod bus_state;
 mod limits;
 mod overvoltage;
-mod thermometer;
 mod undervoltage;
 mod vrefint;
 
 pub use bus_state::{BusReading, BusState};
 pub use limits::{Levels, Limits};
-pub use thermometer::Thermometer;
 pub use undervoltage::DrawStage;
 pub use vrefint::{VrefintCalibration, VrefintScale};
 
 use crate::units::{Micros, Millivolts, Share};
 use core::ops::RangeInclusive;
-use overvoltage::Overvoltage;
 use undervoltage::Derating;
 
 /// Age in microseconds beyond which a battery reading is stale. The filter restarts after a longer gap between samples.
@@ -110,48 +107,33 @@ impl Battery {
 #[derive(Clone, Debug)]
 pub struct Supply {
     limits: Limits,
-    /// Voltage filter. `None` before the first plausible sample. An implausible voltage or a failed conversion sets the
-    /// filter to `None`.
-    filter: Option<Filter>,
+    /// Filtered voltage in steps of 2^-8 mV, at the time of `last_battery`. `None` before the first plausible sample. An
+    /// implausible voltage or a failed conversion sets the filtered voltage to `None`.
+    filtered_q8_mv: Option<i32>,
     derating: Derating,
-    overvoltage: Overvoltage,
+    /// Time at which braking motors last had to dissipate energy because the predicted voltage exceeded
+    /// [`Levels::dissipate`]. `None` while they may return energy.
+    exceeded_at: Option<Micros>,
     /// State at the last plausible sample. `None` before the first plausible sample.
     last_battery: Option<Battery>,
     /// The last reading, plausible or not.
     last_reading: BusReading,
 }
 
-/// First-order low-pass filter of the voltage.
-#[derive(Clone, Copy, Debug)]
-struct Filter {
-    /// Filtered voltage in steps of 2^-8 mV.
-    value_q8_mv: i32,
-    /// Time of the last sample.
-    at: Micros,
+/// Returns the filtered voltage after a sample, in steps of 2^-8 mV. `before` is the filtered voltage before the sample,
+/// and `None` if the filter restarts: the sample then becomes the filtered voltage.
+///
+/// The filter is a first-order low-pass. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
+fn filter(before: Option<i32>, voltage: Millivolts, passed_us: u32) -> i32 {
+    let new = i32::from(voltage.get()) << 8;
+    let weight = passed_us as f32 / (passed_us as f32 + FILTER_MICROS);
+    before.map_or(new, |before| before + ((new - before) as f32 * weight) as i32)
 }
 
-impl Filter {
-    /// Returns the filter after a sample. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
-    ///
-    /// The first sample becomes the filtered voltage. A sample after a gap of more than [`BATTERY_STALE_MICROS`] also
-    /// becomes the filtered voltage.
-    fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
-        let new = i32::from(voltage.get()) << 8;
-        let value_q8_mv = match before {
-            Some(Self { value_q8_mv, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
-                let weight = passed_us as f32 / (passed_us as f32 + FILTER_MICROS);
-                value_q8_mv + ((new - value_q8_mv) as f32 * weight) as i32
-            }
-            _ => new,
-        };
-        Self { value_q8_mv, at }
-    }
-
-    /// Returns the filtered voltage, rounded to millivolts. The filtered voltage is never above the largest sample, so
-    /// the cast to 16 bits loses nothing.
-    fn voltage(self) -> Millivolts {
-        Millivolts::new(((self.value_q8_mv + 128) >> 8) as u16)
-    }
+/// Rounds a filtered voltage to millivolts. The filtered voltage is never above the largest sample, so the cast to 16
+/// bits loses nothing.
+const fn rounded(q8_mv: i32) -> Millivolts {
+    Millivolts::new(((q8_mv + 128) >> 8) as u16)
 }
 
 impl Supply {
@@ -159,9 +141,9 @@ impl Supply {
     pub const fn new(limits: Limits) -> Self {
         Self {
             limits,
-            filter: None,
+            filtered_q8_mv: None,
             derating: Derating::INITIAL,
-            overvoltage: Overvoltage::IDLE,
+            exceeded_at: None,
             last_battery: None,
             last_reading: BusReading::INITIAL,
         }
@@ -171,8 +153,8 @@ impl Supply {
     /// `None` if the bus must be sampled every millisecond.
     pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
         let Levels { derate, dissipate, .. } = self.limits.levels();
-        let filtered = self.filter?.voltage();
-        let unlimited = self.derating.allows_all() && !self.overvoltage.is_active() && filtered >= derate;
+        let filtered = rounded(self.filtered_q8_mv?);
+        let unlimited = self.derating.allows_all() && self.exceeded_at.is_none() && filtered >= derate;
         unlimited.then_some(derate..=dissipate)
     }
 
@@ -205,8 +187,7 @@ impl Supply {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),
             _ => {
-                self.filter = None;
-                self.overvoltage = Overvoltage::IDLE;
+                (self.filtered_q8_mv, self.exceeded_at) = (None, None);
                 let collapsed = voltage.is_some() && self.last_reading.state == BusState::TooLow;
                 if !collapsed {
                     return None;
@@ -221,18 +202,20 @@ impl Supply {
     /// Updates filter and limits from a plausible voltage.
     fn accept(&mut self, measured: Millivolts, now: Micros) -> Battery {
         let Levels { max, .. } = self.limits.levels();
-        let since_us =
-            self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
+        let last = self.last_battery.filter(|_| self.filtered_q8_mv.is_some());
+        let since_us = last.map_or(0, |last| now.since(last.at));
         let left_quiet = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
-        let passed_us = if left_quiet { since_us.min(LEFT_QUIET_MICROS) } else { since_us };
+        let longest_us = if left_quiet { LEFT_QUIET_MICROS } else { u32::MAX };
+        let passed_us = since_us.min(longest_us.into()) as u32;
         let newest = measured.min(max);
-        let filter = Filter::step(self.filter, newest, now, passed_us);
-        self.filter = Some(filter);
-        let dissipate = self.overvoltage.step(&self.limits, measured, now);
-        let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed_us);
+        let before = self.filtered_q8_mv.filter(|_| since_us <= BATTERY_STALE_MICROS);
+        let filtered = filter(before, newest, passed_us);
+        self.filtered_q8_mv = Some(filtered);
+        let dissipate = overvoltage::step(&mut self.exceeded_at, &self.limits, last.as_ref(), measured, now);
+        let (stage, draw) = self.derating.step(&self.limits, rounded(filtered), passed_us);
         let (stage, draw) =
             if measured > max { (DrawStage::Overvoltage, Share::NONE) } else { (stage, draw) };
-        let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, dissipate };
+        let battery = Battery { voltage: rounded(filtered), newest, at: now, stage, draw, dissipate };
         self.last_battery = Some(battery);
         battery
     }

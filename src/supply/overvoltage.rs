@@ -17,6 +17,7 @@
 //! therefore the last sample, extrapolated by one sampling interval. The *share* is the strength with which braking
 //! motors dissipate energy, 0 to 1.
 
+use super::Battery;
 use super::limits::{Levels, Limits};
 use crate::units::{Micros, Millivolts, Share};
 
@@ -38,43 +39,33 @@ const BAND_FRACTION_AT_FULL_SHARE: f32 = 0.5;
 /// millisecond would show the next rise too late: between two samples the voltage could rise by the whole band.
 const HOLD_MICROS: u64 = 50_000;
 
-/// State of the overvoltage protection.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Overvoltage {
-    /// The last sample and its time; `None` before the first sample.
-    last_sample: Option<(Millivolts, Micros)>,
-    /// Time at which the predicted voltage last exceeded `dissipate`; `None` while idle.
-    exceeded_at: Option<Micros>,
-}
-
-impl Overvoltage {
-    /// The state before the first sample.
-    pub(super) const IDLE: Self = Self { last_sample: None, exceeded_at: None };
-
-    /// True while braking motors must dissipate energy.
-    pub(super) const fn is_active(&self) -> bool {
-        self.exceeded_at.is_some()
-    }
-
-    /// Processes a sample, and returns the strength with which motors must dissipate energy. The result is
-    /// [`Share::NONE`] while idle.
-    pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, now: Micros) -> Share {
-        let Levels { dissipate, ceiling, .. } = limits.levels();
-        let rise_mv = match self.last_sample {
-            Some((last, at)) if now.since(at) <= MAX_RISE_INTERVAL_MICROS => {
-                voltage.get().saturating_sub(last.get())
-            }
-            _ => 0,
-        };
-        self.last_sample = Some((voltage, now));
-        let excess_mv =
-            (u32::from(voltage.get()) + u32::from(rise_mv)).saturating_sub(u32::from(dissipate.get()));
-        if excess_mv == 0 {
-            self.exceeded_at = self.exceeded_at.filter(|at| now.since(*at) < HOLD_MICROS);
-            return if self.is_active() { Share::LEAST } else { Share::NONE };
+/// Processes the sample `voltage`, and returns the strength with which motors must dissipate energy. The result is
+/// [`Share::NONE`] while idle.
+///
+/// `exceeded_at` is the time at which the predicted voltage last exceeded `dissipate`, and `None` while idle. `last` is
+/// the state of the bus at the sample before, and `None` if there was no plausible sample before.
+pub(super) fn step(
+    exceeded_at: &mut Option<Micros>,
+    limits: &Limits,
+    last: Option<&Battery>,
+    voltage: Millivolts,
+    now: Micros,
+) -> Share {
+    let Levels { dissipate, ceiling, .. } = limits.levels();
+    let rise_mv = match last {
+        // The last sample is capped at `max`. Above `max` the share is 1 with any rise.
+        Some(last) if now.since(last.at) <= MAX_RISE_INTERVAL_MICROS => {
+            voltage.get().saturating_sub(last.newest.get())
         }
-        self.exceeded_at = Some(now);
-        let band_mv = ceiling.get().saturating_sub(dissipate.get());
-        Share::from_f32(excess_mv as f32 / (BAND_FRACTION_AT_FULL_SHARE * f32::from(band_mv)))
+        _ => 0,
+    };
+    let excess_mv =
+        (u32::from(voltage.get()) + u32::from(rise_mv)).saturating_sub(u32::from(dissipate.get()));
+    if excess_mv == 0 {
+        *exceeded_at = exceeded_at.filter(|at| now.since(*at) < HOLD_MICROS);
+        return if exceeded_at.is_some() { Share::LEAST } else { Share::NONE };
     }
+    *exceeded_at = Some(now);
+    let band_mv = ceiling.get().saturating_sub(dissipate.get());
+    Share::from_f32(excess_mv as f32 / (BAND_FRACTION_AT_FULL_SHARE * f32::from(band_mv)))
 }

@@ -1,5 +1,5 @@
-//! Converts ADC readings to the battery's voltage. Each conversion uses a reading of the chip's internal reference,
-//! VREFINT.
+//! Converts ADC readings to the battery's voltage and to the chip's temperature. Each conversion uses a reading of the
+//! chip's internal reference, VREFINT.
 //!
 //! An ADC measures relative to its own supply, the *rail*. The reference has a known voltage, so the voltage of the
 //! rail follows from the reading of the reference. Without this correction a falling rail would look like a rising
@@ -20,6 +20,37 @@ pub struct VrefintCalibration {
     pub rail: Millivolts,
     /// Resolution of the converter in bits, 1 to 16, for the calibration and for all samples.
     pub bits: u8,
+}
+
+/// Temperatures at which the factory reads the temperature sensor, in 0.1 degrees Celsius (DS9405, DS12110, temperature
+/// sensor calibration values).
+const CALIBRATED_DECIDEGREES: [i64; 2] = [300, 1100];
+
+impl VrefintCalibration {
+    /// Returns the temperature of the chip in 0.1 degrees Celsius, from readings of the temperature sensor and of the
+    /// reference. The sensor's voltage is linear in the temperature. `factory` are its readings at 30 and at 110 degrees
+    /// Celsius, with the rail at calibration.
+    ///
+    /// `None` if both readings of the factory are equal, if `vrefint` is 0, or if the result is not within +-3000
+    /// degrees.
+    ///
+    /// ```
+    /// use motor_hub::supply::VrefintCalibration;
+    /// use motor_hub::units::Millivolts;
+    ///
+    /// let reference = VrefintCalibration { reading: 1500, rail: Millivolts::new(3_300), bits: 12 };
+    /// assert_eq!(reference.decidegrees([960, 1200], 960, 1500), Some(300));
+    /// // The rail is 3.0 V: both readings are higher by a tenth.
+    /// assert_eq!(reference.decidegrees([960, 1200], 1188, 1650), Some(700));
+    /// ```
+    pub fn decidegrees(self, factory: [u16; 2], sensor: u16, vrefint: u16) -> Option<i16> {
+        let [low, high] = factory.map(i64::from);
+        let [cold, hot] = CALIBRATED_DECIDEGREES;
+        // The reading that the sensor would have with the rail at which it was calibrated.
+        let reading = (i64::from(sensor) * i64::from(self.reading)).checked_div(i64::from(vrefint))?;
+        let above = ((reading - low) * (hot - cold)).checked_div(high - low)?;
+        i16::try_from(cold + above).ok().filter(|temperature| temperature.unsigned_abs() < 30_000)
+    }
 }
 
 /// Converts pairs of readings to the battery's voltage, and back.

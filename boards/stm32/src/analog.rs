@@ -9,7 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_time::{Duration, Instant};
 use motor_hub::board::{ANALOG_INPUTS, AnalogReading, AnalogReadings};
-use motor_hub::supply::{Thermometer, VrefintScale};
+use motor_hub::supply::VrefintScale;
 
 /// Resistances in ohm of the voltage divider of the 5 V rail, to the rail and to ground. The divider makes 2.5 V at the pin.
 const RAIL_OHMS: (u32, u32) = (10_000, 10_000);
@@ -75,7 +75,7 @@ impl Newest {
         sensor_words: [FactoryWord; 2],
     ) -> AnalogReadings {
         let reference = vrefint_word.read();
-        let thermometer = Thermometer { readings: sensor_words.map(|word| word.read().reading) };
+        let sensor = sensor_words.map(|word| word.read().reading);
         let Some(Sequence { inputs, rail, temperature, vrefint }) = self.get() else {
             return AnalogReadings::default();
         };
@@ -87,7 +87,7 @@ impl Newest {
                 Some(AnalogReading { voltage, counts: reading >> reference.bits.saturating_sub(12) })
             }),
             rail: rail_scale.and_then(|scale| scale.battery(rail, vrefint)),
-            temperature_decidegrees: thermometer.decidegrees(temperature, vrefint, reference),
+            temperature_decidegrees: reference.decidegrees(sensor, temperature, vrefint),
             supply_currents: None,
         }
     }
