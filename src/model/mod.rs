@@ -12,14 +12,14 @@
 //! use motor_hub::bridge::Mode;
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::paper::OpenLoop;
+//! use motor_hub::model::response::GearedMotor;
 //! use motor_hub::model::si::{Hertz, Volts};
 //! use motor_hub::model::switching::{Bridge, Pwm};
 //!
 //! // At full duty on an ideal bridge the back EMF of a motor without load is almost the battery voltage.
 //! let motor = characterised("AM 60 A")?;
 //! let full = Pwm::new(Mode::Cw98, 1.0, Hertz(20_000.0));
-//! let speed = OpenLoop::new(&motor, &Load::NONE, Bridge::IDEAL).steady_speed(full, Volts(12.0));
+//! let speed = GearedMotor::new(&motor, &Load::NONE).speed_at_duty(Bridge::IDEAL, full, Volts(12.0));
 //! let emf = motor.ke.0 * speed.0;
 //! assert!(10.0 < emf && emf < 12.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())

@@ -19,10 +19,9 @@
 //! assert!((points.t.y + 2.0).abs() < 1e-12);
 //! ```
 
-use super::catalogue::Motor;
-use super::load::{Load, Shaft};
 use super::numeric::bracketed_zero;
-use super::periodic::Conduction;
+use super::periodic::{Conduction, Steady};
+use super::response::GearedMotor;
 use super::si::{Amps, Ohms, RadPerSec, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Pwm};
 
@@ -173,42 +172,16 @@ impl Circuit {
     }
 }
 
-/// A motor with its load at a fixed duty, for the computation of its steady speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OpenLoop {
-    motor: Motor,
-    shaft: Shaft,
-    /// External torque on the motor shaft, N m.
-    torque: f64,
-    circuit: Circuit,
-}
-
-impl OpenLoop {
-    /// Combines a motor, its load and its bridge. The constant torque of the load is included.
+impl GearedMotor {
+    /// Returns the speed of the motor shaft at which the mean torque of `pwm` balances the drag. No external torque
+    /// acts.
     #[must_use]
-    pub fn new(motor: &Motor, load: &Load, bridge: Bridge) -> Self {
-        let shaft = Shaft::new(motor, load);
-        let torque = load.torque_after.0 * shaft.torque_ratio;
-        Self { motor: *motor, shaft, torque, circuit: Circuit::new(motor, bridge) }
-    }
-
-    /// Returns the conditions at a motor speed in rad/s.
-    fn at(&self, speed: f64, battery: Volts) -> Conditions {
-        Conditions { battery, emf: Volts(self.motor.ke.0 * speed) }
-    }
-
-    /// Returns the speed of the motor shaft at which the mean torque of `pwm` balances drag and external torque.
-    #[must_use]
-    pub fn steady_speed(&self, pwm: Pwm, battery: Volts) -> RadPerSec {
-        let Bridge { vd, ron, .. } = self.circuit.bridge;
-        // No steady speed is above `fastest`. At that speed even an open bridge brakes through its diodes, with a
-        // larger torque than the external one.
-        let resistance = self.motor.r.0 + 2.0 * ron.0;
-        let limit = battery.0 + 2.0 * vd.0 + self.torque.abs() * resistance / self.motor.kt.0;
-        let fastest = 1.01 * limit / self.motor.ke.0;
+    pub fn speed_at_duty(&self, bridge: Bridge, pwm: Pwm, battery: Volts) -> RadPerSec {
+        // No steady speed is above `fastest`: even an open bridge brakes through its diodes at that speed.
+        let fastest = 1.01 * (battery.0 + 2.0 * bridge.vd.0) / self.motor.ke.0;
         let surplus = |speed: f64| {
-            let mean = self.circuit.steady(pwm, self.at(speed, battery)).mean.0;
-            self.motor.kt.0 * mean + self.torque - self.shaft.drag.0 * speed
+            let mean = self.steady_pwm(bridge, pwm, RadPerSec(speed), battery).mean.0;
+            self.motor.kt.0 * mean - self.shaft.drag.0 * speed
         };
         RadPerSec(bracketed_zero(-fastest, fastest, surplus))
     }
@@ -218,11 +191,11 @@ impl OpenLoop {
     ///
     /// Returns `None` if the current is zero for a part of the period even at duty 1.
     #[must_use]
-    pub fn continuity_duty(&self, pwm: Pwm, battery: Volts) -> Option<f64> {
+    pub fn continuity_duty(&self, bridge: Bridge, pwm: Pwm, battery: Volts) -> Option<f64> {
         let continuous = |duty: f64| {
             let pwm = Pwm { duty, ..pwm };
-            let at = self.at(self.steady_speed(pwm, battery).0, battery);
-            self.circuit.steady(pwm, at).conduction == Conduction::Continuous
+            let speed = self.speed_at_duty(bridge, pwm, battery);
+            self.steady_pwm(bridge, pwm, speed, battery).conduction == Conduction::Continuous
         };
         if !continuous(1.0) {
             return None;
@@ -237,5 +210,10 @@ impl OpenLoop {
             }
         }
         Some(above)
+    }
+
+    /// Returns the periodic steady state of the current at a constant speed of the motor shaft.
+    fn steady_pwm(&self, bridge: Bridge, pwm: Pwm, speed: RadPerSec, battery: Volts) -> Steady {
+        Circuit::new(&self.motor, bridge).steady(pwm, Conditions { battery, emf: self.emf(speed) })
     }
 }

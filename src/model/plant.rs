@@ -194,24 +194,18 @@ pub struct Plant {
     circuit: Circuit,
     /// Frequency of the PWM.
     frequency: Hertz,
-    /// PWM period, s.
-    period: f64,
     /// Longest window of this plant, s.
     longest_window: f64,
     /// Coefficients of the mechanical part for the length of the last window.
     mechanics: Mechanics,
     /// Admittance of the circuit in the last window, 1/ohm.
     admittance: f64,
-    /// True if the motor has dry friction or cogging.
-    has_friction: bool,
     /// Time since the beginning of the present PWM period, s.
     phase: f64,
     /// Motor current, A.
     current: f64,
-    /// Speed of the motor shaft, rad/s.
-    speed: f64,
-    /// Angle of the motor shaft, rad.
-    angle: f64,
+    /// Speed and angle of the motor shaft.
+    state: ShaftState,
     /// Mean current of the last window, A. This current is the first estimate of the next window's mean current.
     last_mean: f64,
     /// Off state of the present mode. The modes 9/8, 6/2 and 5/0 have different off states, so a change of this state
@@ -227,7 +221,8 @@ pub struct Plant {
 }
 
 /// Returns the longest window in seconds: the PWM period divided by a whole number, so that [`WINDOW_LIMIT`] is kept.
-fn longest_window(motor: &Motor, shaft: &Shaft, period: f64) -> f64 {
+fn longest_window(motor: &Motor, shaft: &Shaft, frequency: Hertz) -> f64 {
+    let period = 1.0 / frequency.0;
     let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)
         + motor.cogging.stiffness() / shaft.inertia.0)
         .sqrt();
@@ -241,8 +236,7 @@ impl Plant {
     pub fn new(motor: Motor, load: Load, bridge: Bridge, pwm: Hertz) -> Self {
         let shaft = Shaft::new(&motor, &load);
         let circuit = Circuit::new(&motor, bridge);
-        let period = 1.0 / pwm.0;
-        let longest_window = longest_window(&motor, &shaft, period);
+        let longest_window = longest_window(&motor, &shaft, pwm);
         Self {
             motor,
             temperatures: Temperatures::default(),
@@ -250,15 +244,12 @@ impl Plant {
             shaft,
             circuit,
             frequency: pwm,
-            period,
             longest_window,
             mechanics: Mechanics::new(&shaft, longest_window),
             admittance: circuit.admittance(longest_window),
-            has_friction: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
             phase: 0.0,
             current: 0.0,
-            speed: 0.0,
-            angle: 0.0,
+            state: ShaftState::default(),
             last_mean: 0.0,
             off_state: State::Coast,
             open_s: 0.0,
@@ -283,10 +274,7 @@ impl Plant {
         let before = self.motion_energy().0;
         self.load = load;
         self.shaft = Shaft::new(&self.motor, &load);
-        let state = self
-            .output
-            .as_ref()
-            .map_or(ShaftState { speed: self.speed, angle: self.angle }, |output| output.state);
+        let state = self.state_after();
         self.output = self.train.and_then(|train| Output::new(&self.motor, &load, &train));
         if let Some(output) = &mut self.output {
             output.state = state;
@@ -315,7 +303,16 @@ impl Plant {
     /// Changes the dry friction of the motor.
     pub fn set_friction(&mut self, friction: Friction) {
         self.motor.friction = friction;
-        self.has_friction = friction != Friction::NONE || self.motor.cogging != Cogging::NONE;
+    }
+
+    /// Returns true if the motor has dry friction or cogging.
+    fn has_friction(&self) -> bool {
+        self.motor.friction != Friction::NONE || self.motor.cogging != Cogging::NONE
+    }
+
+    /// Returns speed and angle of the load, referred to the motor shaft.
+    fn state_after(&self) -> ShaftState {
+        self.output.as_ref().map_or(self.state, |output| output.state)
     }
 
     /// Returns the constants of the motor at its present temperatures.
@@ -339,49 +336,48 @@ impl Plant {
     /// Returns the present speed of the motor shaft.
     #[must_use]
     pub const fn speed(&self) -> RadPerSec {
-        RadPerSec(self.speed)
+        RadPerSec(self.state.speed)
     }
 
     /// Returns the present speed of the output shaft.
     #[must_use]
     pub fn speed_after(&self) -> RadPerSec {
-        let speed = self.output.as_ref().map_or(self.speed, |output| output.state.speed);
-        RadPerSec(speed / self.motor.gear_ratio)
+        RadPerSec(self.state_after().speed / self.motor.gear_ratio)
     }
 
     /// Returns the angle of the output shaft in rad.
     #[must_use]
     pub fn angle_after(&self) -> f64 {
-        self.output.as_ref().map_or(self.angle, |output| output.state.angle) / self.motor.gear_ratio
+        self.state_after().angle / self.motor.gear_ratio
     }
 
     /// Returns the kinetic energy of motor and load, and the energy of a twisted train.
     #[must_use]
     pub fn motion_energy(&self) -> Joules {
-        let own = 0.5 * self.shaft.inertia.0 * self.speed * self.speed;
-        Joules(own + self.output.as_ref().map_or(0.0, |output| output.energy(self.angle).0))
+        let ShaftState { speed, angle } = self.state;
+        let own = 0.5 * self.shaft.inertia.0 * speed * speed;
+        Joules(own + self.output.as_ref().map_or(0.0, |output| output.energy(angle).0))
     }
 
     /// Returns the angle of the motor shaft in rad. The angle is not limited to one turn.
     #[must_use]
     pub const fn angle(&self) -> f64 {
-        self.angle
+        self.state.angle
     }
 
     /// Returns the counts of an encoder on the motor shaft since angle 0.
     #[must_use]
     pub fn counts(&self) -> i64 {
-        counts(self.angle, self.motor.counts_per_rev_motor)
+        counts(self.state.angle, self.motor.counts_per_rev_motor)
     }
 
     /// Sets the state of the plant: motor current, speed of the motor shaft, and angle of the motor shaft in rad.
     pub fn set_state(&mut self, current: Amps, speed: RadPerSec, angle: f64) {
         self.current = current.0;
         self.last_mean = current.0;
-        self.speed = speed.0;
-        self.angle = angle;
+        self.state = ShaftState { speed: speed.0, angle };
         if let Some(output) = &mut self.output {
-            output.state = ShaftState { speed: speed.0, angle };
+            output.state = self.state;
         }
     }
 
@@ -410,10 +406,11 @@ impl Plant {
         let load_work = Joules(core::mem::take(&mut self.load_work));
         let mut flow = Flow { time: Seconds(dt.0.max(0.0)), load_work, ..Flow::default() };
         let mut left = dt.0;
+        let period = 1.0 / self.frequency.0;
         // A remainder of the run below this time, in s, is a rounding error.
-        let rounding = 1e-9 * self.period;
+        let rounding = 1e-9 * period;
         while left > rounding {
-            let to_end = self.period - self.phase;
+            let to_end = period - self.phase;
             let window = self.longest_window.min(left);
             let (window, phase) = if to_end - window < rounding {
                 (to_end.min(left), 0.0)
@@ -429,7 +426,7 @@ impl Plant {
 
     /// Computes what windows need of motor, shaft and circuit.
     fn prepare_windows(&mut self) {
-        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
+        self.longest_window = longest_window(&self.motor, &self.shaft, self.frequency);
         self.set_window(self.longest_window);
     }
 
@@ -466,7 +463,7 @@ impl Plant {
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, input, battery);
         // `sticks` is decided once in a window. Otherwise the back EMF of a shaft that broke away could make the shaft
         // stick again.
-        let sticks = self.has_friction && self.sticks(torque(mean));
+        let sticks = self.has_friction() && self.sticks(torque(mean));
         let mut end_of_window = motion_at(mean, sticks);
         // Smooth running takes one iteration, and a change of the command two. More iterations are needed only near a
         // stop or a change of direction.
@@ -481,10 +478,10 @@ impl Plant {
         }
         let WindowEnd { motor: motion, load, heat: train_heat } = end_of_window;
         // The current of a shaft at rest decays towards 0. It is set to 0 early, because subnormal numbers are slow.
-        self.current = if self.has_friction && end.abs() < 1e-30 { 0.0 } else { end };
+        self.current = if self.has_friction() && end.abs() < 1e-30 { 0.0 } else { end };
         self.last_mean = mean;
-        self.angle += window * motion.mean;
-        self.speed = motion.end;
+        self.state.angle += window * motion.mean;
+        self.state.speed = motion.end;
         if let Some(output) = &mut self.output {
             output.state = load;
         }
@@ -504,36 +501,36 @@ impl Plant {
     /// Returns the motion of motor and load through a window, under `torque` on the motor and `load_torque` on the
     /// load, both in N m on the motor shaft.
     fn train_motion(&self, output: &Output, window: f64, torque: f64, load_torque: f64) -> WindowEnd {
-        let cogging = self.motor.cogging.mean_torque(self.angle, window * self.speed);
-        let state = ShaftState { speed: self.speed, angle: self.angle };
-        output.motion(&self.shaft, &self.motor.friction, state, window, torque + cogging, load_torque)
+        let cogging = self.motor.cogging.mean_torque(self.state.angle, window * self.state.speed);
+        output.motion(&self.shaft, &self.motor.friction, self.state, window, torque + cogging, load_torque)
     }
 
     /// Returns true if friction keeps the shaft at rest at its present angle, under `torque` (N m) and cogging.
     fn sticks(&self, torque: f64) -> bool {
-        self.motor.friction.sticks(torque + self.motor.cogging.torque(self.angle).0)
+        self.motor.friction.sticks(torque + self.motor.cogging.torque(self.state.angle).0)
     }
 
     /// Returns the motion of the shaft from its present speed, under `torque` (N m), through the window of
     /// `mechanics`.
     fn shaft_motion(&self, torque: f64, sticks: bool) -> ShaftMotion {
         let m = &self.mechanics;
-        if !self.has_friction {
-            return m.without_friction(self.speed, torque);
+        if !self.has_friction() {
+            return m.without_friction(self.state.speed, torque);
         }
-        let motion = |torque| m.with_friction(&self.shaft, &self.motor.friction, self.speed, torque, sticks);
+        let motion =
+            |torque| m.with_friction(&self.shaft, &self.motor.friction, self.state.speed, torque, sticks);
         let cogging = &self.motor.cogging;
         // The mean torque of cogging depends on the angle turned, and the angle on the torque. The window is so short
         // that each iteration leaves less than a hundredth of the error.
-        let mut angle = m.window * self.speed;
-        let mut last = motion(torque + cogging.mean_torque(self.angle, angle));
+        let mut angle = m.window * self.state.speed;
+        let mut last = motion(torque + cogging.mean_torque(self.state.angle, angle));
         for _ in 0..4 {
             let next = m.window * last.mean;
             if f64::from(cogging.per_turn) * (next - angle).abs() < 1e-8 {
                 break;
             }
             angle = next;
-            last = motion(torque + cogging.mean_torque(self.angle, angle));
+            last = motion(torque + cogging.mean_torque(self.state.angle, angle));
         }
         last
     }

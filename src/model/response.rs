@@ -86,8 +86,8 @@ pub enum Poles {
 /// A motor with its load, described by its response at the motor terminals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GearedMotor {
-    motor: Motor,
-    shaft: Shaft,
+    pub(super) motor: Motor,
+    pub(super) shaft: Shaft,
 }
 
 /// Response of a motor at steady speed to a drop of its voltage, over one control period (paper, sections 2.2.2 and

@@ -85,12 +85,6 @@ impl Bridge {
     }
 }
 
-impl From<BridgeConstants> for Bridge {
-    fn from(constants: BridgeConstants) -> Self {
-        Self::new(constants)
-    }
-}
-
 /// Battery voltage and back EMF, both constant during a calculation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
@@ -161,22 +155,6 @@ pub struct Circuit {
 /// steps keep the mean voltage of the edge. `tests/bridge_timing.rs` compares the heat of the edges with a formula.
 const EDGE_STEPS: usize = 8;
 
-/// The bridge during an edge, between its on state and its off state. With a share of 1 or 0 it is in one of them.
-#[derive(Clone, Copy)]
-struct MixedState {
-    on: State,
-    off: State,
-    /// Share of the on state, 0 to 1.
-    share: f64,
-}
-
-impl MixedState {
-    /// Creates the mix for a bridge that is in one state.
-    const fn pure(state: State) -> Self {
-        Self { on: state, off: state, share: 1.0 }
-    }
-}
-
 /// The path of a current of one sign in one state: voltages and resistance in series.
 #[derive(Clone, Copy)]
 pub(super) struct Path {
@@ -219,17 +197,16 @@ impl Circuit {
         }
     }
 
-    /// Returns the path of a current of this sign during an edge.
+    /// Returns the path of a current of this sign during an edge, with a share of 0 to 1 of the on state.
     ///
     /// Motor voltage and resistance are interpolated between the two states. The current flows through the battery as
     /// in the on state, because a switch of the on state opens or closes.
-    fn mixed_path(&self, mixed: MixedState, sign: CurrentSign, at: Conditions) -> Path {
-        let MixedState { on, off, share } = mixed;
-        let on = self.path(on, sign, at);
+    fn edge_path(&self, pwm: Pwm, share: f64, sign: CurrentSign, at: Conditions) -> Path {
+        let on = self.path(pwm.on, sign, at);
         if share >= 1.0 {
             return on;
         }
-        let off = self.path(off, sign, at);
+        let off = self.path(pwm.off, sign, at);
         if share <= 0.0 {
             return off;
         }
@@ -246,23 +223,6 @@ impl Circuit {
         }
     }
 
-    /// Returns the direction in which current starts to flow from zero, or `None` if no current flows.
-    #[must_use]
-    pub fn starts(&self, state: State, at: Conditions) -> Option<CurrentSign> {
-        self.starts_mixed(MixedState::pure(state), at)
-    }
-
-    fn starts_mixed(&self, mixed: MixedState, at: Conditions) -> Option<CurrentSign> {
-        // Diode drops oppose the current, so current can start in one direction at most.
-        if self.mixed_path(mixed, CurrentSign::Positive, at).target > 0.0 {
-            Some(CurrentSign::Positive)
-        } else if self.mixed_path(mixed, CurrentSign::Negative, at).target < 0.0 {
-            Some(CurrentSign::Negative)
-        } else {
-            None
-        }
-    }
-
     /// Simulates `state` for `time` from the current `start`. Adds the integrals to `sums` and returns the final
     /// current.
     pub fn dwell(
@@ -273,45 +233,7 @@ impl Circuit {
         time: Seconds,
         sums: &mut Integrals,
     ) -> Amps {
-        self.dwell_mixed(MixedState::pure(state), start, at, time, sums)
-    }
-
-    fn dwell_mixed(
-        &self,
-        mixed: MixedState,
-        start: Amps,
-        at: Conditions,
-        time: Seconds,
-        sums: &mut Integrals,
-    ) -> Amps {
-        let mut current = start.0;
-        let mut left = time.0;
-        // The loop runs at most twice: a current that starts from zero does not return to zero in one state.
-        while left > 0.0 {
-            let sign = if current > 0.0 {
-                CurrentSign::Positive
-            } else if current < 0.0 {
-                CurrentSign::Negative
-            } else if let Some(sign) = self.starts_mixed(mixed, at) {
-                sign
-            } else {
-                sums.idle += left;
-                return Amps(0.0);
-            };
-            let path = self.mixed_path(mixed, sign, at);
-            let mut span = left;
-            let mut travelled = -(-left / path.tau).exp_m1();
-            let mut end = current + (path.target - current) * travelled;
-            if current * end < 0.0 {
-                span = (path.tau * (-current / path.target).ln_1p()).min(left);
-                travelled = current / (current - path.target);
-                end = 0.0;
-            }
-            path.add(current, span, travelled, sums);
-            current = end;
-            left -= span;
-        }
-        Amps(current)
+        dwell(|sign| self.path(state, sign, at), start, time, sums)
     }
 
     /// Simulates one period of `pwm` from the current `start`. Adds the integrals to `sums` and returns the final
@@ -351,8 +273,8 @@ impl Circuit {
         let mut until = |end_s: f64, share: f64, sums: &mut Integrals| {
             let (from, to) = (f64::max(begin_s, from_s), f64::min(end_s, to_s));
             if to > from {
-                current =
-                    self.dwell_mixed(MixedState { on, off, share }, current, at, Seconds(to - from), sums);
+                let path = |sign| self.edge_path(pwm, share, sign, at);
+                current = dwell(path, current, Seconds(to - from), sums);
             }
             begin_s = end_s;
         };
@@ -369,6 +291,42 @@ impl Circuit {
         until(period_s, 0.0, sums);
         current
     }
+}
+
+/// Simulates one state of the bridge for `time` from the current `start`. Adds the integrals to `sums` and returns the
+/// final current. `path` returns the path of a current of each sign.
+fn dwell(path: impl Fn(CurrentSign) -> Path, start: Amps, time: Seconds, sums: &mut Integrals) -> Amps {
+    let mut current = start.0;
+    let mut left = time.0;
+    // The loop runs at most twice: a current that starts from zero does not return to zero in one state.
+    while left > 0.0 {
+        // Diode drops oppose the current, so current can start from zero in one direction at most.
+        let sign = if current > 0.0 {
+            CurrentSign::Positive
+        } else if current < 0.0 {
+            CurrentSign::Negative
+        } else if path(CurrentSign::Positive).target > 0.0 {
+            CurrentSign::Positive
+        } else if path(CurrentSign::Negative).target < 0.0 {
+            CurrentSign::Negative
+        } else {
+            sums.idle += left;
+            return Amps(0.0);
+        };
+        let path = path(sign);
+        let mut span = left;
+        let mut travelled = -(-left / path.tau).exp_m1();
+        let mut end = current + (path.target - current) * travelled;
+        if current * end < 0.0 {
+            span = (path.tau * (-current / path.target).ln_1p()).min(left);
+            travelled = current / (current - path.target);
+            end = 0.0;
+        }
+        path.add(current, span, travelled, sums);
+        current = end;
+        left -= span;
+    }
+    Amps(current)
 }
 
 impl Path {

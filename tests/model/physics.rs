@@ -6,7 +6,6 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::paper::OpenLoop;
 use motor_hub::model::periodic::Conduction;
 use motor_hub::model::plant::{Flow, Plant, PlantInput, counts};
 use motor_hub::model::response::{Applied, GearedMotor, Motion};
@@ -365,7 +364,7 @@ fn plant_settles_at_the_steady_speed_of_its_duty() {
         let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
         plant.run(Seconds(6.0), PlantInput::pwm(mode, duty), Volts(BATTERY));
         let pwm = Pwm::new(mode, duty, Hertz(20e3));
-        let steady = OpenLoop::new(&am60(), &Load::NONE, BRIDGE).steady_speed(pwm, Volts(BATTERY));
+        let steady = GearedMotor::new(&am60(), &Load::NONE).speed_at_duty(BRIDGE, pwm, Volts(BATTERY));
         close(plant.speed().0, steady.0, 0.02, (mode, duty));
     }
 }

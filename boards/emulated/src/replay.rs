@@ -21,6 +21,7 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::group::Pose;
+use motor_hub::model::switching::Bridge;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
@@ -150,7 +151,7 @@ pub(crate) fn stand(scenario: &Scenario, board: Board, bootloader: bool) -> Benc
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
-        bridge: motor.bridge.into(),
+        bridge: Bridge::new(motor.bridge),
         stops: None,
     });
     let setup = Setup { board, battery: scenario.battery, bootloader, ..Setup::new(motors.collect()) };

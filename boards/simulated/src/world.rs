@@ -32,6 +32,7 @@ use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds};
+use motor_hub::model::switching::Bridge;
 use motor_hub::supply::{VrefintCalibration, VrefintScale};
 use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Milliamperes, Millivolts, constant};
@@ -121,7 +122,7 @@ impl Board {
         let Scenario { battery, motors, seed, floor, gyro, .. } = scenario;
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
         let plant = |motor: &Motor| {
-            let plant = Plant::new(motor.constants, motor.load, motor.bridge.into(), pwm);
+            let plant = Plant::new(motor.constants, motor.load, Bridge::new(motor.bridge), pwm);
             if let Some(train) = motor.train { plant.with_train(train) } else { plant }
         };
         let mut rig = Rig::new(*battery, motors.iter().map(plant).collect());

@@ -7,7 +7,7 @@ use crate::with_fields;
 use motor_hub::braking;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::paper::{OpenLoop, Scheme};
+use motor_hub::model::paper::Scheme;
 use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
 use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, Ohms, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
@@ -198,14 +198,14 @@ pub(super) fn duty_for_current(case: &Case) -> Result<Value, CaseError> {
 /// Free speed at a duty, and the duty from which on the current is never 0 within a PWM period.
 pub(super) fn steady_speed(case: &Case) -> Result<Value, CaseError> {
     let (motor, circuit, frequency, at) = bridge(case)?;
-    let open_loop = OpenLoop::new(&motor, &Load::NONE, circuit.bridge);
+    let geared = GearedMotor::new(&motor, &Load::NONE);
     let mode = case.mode()?;
     let row = |duty: f64| {
-        let speed = open_loop.steady_speed(Pwm::new(mode, duty, frequency), at.battery);
+        let speed = geared.speed_at_duty(circuit.bridge, Pwm::new(mode, duty, frequency), at.battery);
         Ok(json!([duty, speed.0]))
     };
     let outputs = table(&["duty", "omega_rad_s"], duties(case, &STEADY_DUTIES)?.into_iter().map(row))?;
-    let continuity = open_loop.continuity_duty(Pwm::new(mode, 0.0, frequency), at.battery);
+    let continuity = geared.continuity_duty(circuit.bridge, Pwm::new(mode, 0.0, frequency), at.battery);
     Ok(with_fields(outputs, json!({ "continuity_duty": continuity })))
 }
 
