@@ -24,7 +24,7 @@
 //! | 4 N | progress: the number of words without a blank byte, from the first word on |
 //! | rest | unused |
 //! | 96 bytes | length and signature of the new firmware; blank if it is not signed |
-//! | N | [`PageSums`] of the pages, in descending order: page 0 is last |
+//! | N | CRC-32 of a page in the active slot and in the download slot, in descending order: page 0 is last |
 //!
 //! If the second word is not blank, embassy-boot takes the swap as ended and the previous firmware as restored. The
 //! progress then counts as 4 N. If the power has failed while new firmware confirmed itself, the new firmware does not
@@ -48,39 +48,25 @@ const VALIDITY_AT: u32 = 1;
 /// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
 
-/// Size of [`PageSums`] in bytes. One word of the state holds the checksums of a page, so a word must have at least 8
+/// Size in bytes of a page's checksums in both slots. One word of the state holds them, so a word must have at least 8
 /// bytes.
 pub(super) const SUMS_BYTES: usize = 8;
 
-/// CRC-32 of one page in both slots before the swap.
-struct PageSums {
-    /// The page of the active slot: the previous firmware.
-    previous: u32,
-    /// The page of the download slot: the new firmware.
-    new: u32,
-}
-
-impl PageSums {
-    /// Reads the checksums from a word of the state. `None` if the word is too short.
-    fn read(word: &[u8]) -> Option<Self> {
-        let (previous, rest) = word.split_first_chunk()?;
-        let (new, _) = rest.split_first_chunk()?;
-        Some(Self { previous: u32::from_le_bytes(*previous), new: u32::from_le_bytes(*new) })
-    }
-
-    /// True if `sum` is the checksum that the page number `page` of the active slot must have after `progress` steps.
-    /// `pages` is the number of pages.
-    const fn fits(&self, sum: u32, page: u32, pages: u32, progress: u32) -> bool {
-        let (steps, pages_before, from, to) = match progress.checked_sub(2 * pages) {
-            None => (progress, pages - 1 - page, self.previous, self.new),
-            Some(steps) => (steps, page, self.new, self.previous),
-        };
-        match steps.checked_sub(2 * pages_before) {
-            None | Some(0) => sum == from,
-            // The page is being erased or written in this step, so any content is possible.
-            Some(1) => true,
-            Some(_) => sum == to,
-        }
+/// True if `sum` is the checksum that the page number `page` of the active slot must have after `progress` steps.
+/// `pages` is the number of pages. `word` is the word of the state with the page's checksums before the swap. False if
+/// the word is too short.
+fn fits(word: &[u8], sum: u32, page: u32, pages: u32, progress: u32) -> bool {
+    let ([previous, new, ..], _) = word.as_chunks() else { return false };
+    let (previous, new) = (u32::from_le_bytes(*previous), u32::from_le_bytes(*new));
+    let (steps, pages_before, from, to) = match progress.checked_sub(2 * pages) {
+        None => (progress, pages - 1 - page, previous, new),
+        Some(steps) => (steps, page, new, previous),
+    };
+    match steps.checked_sub(2 * pages_before) {
+        None | Some(0) => sum == from,
+        // The page is being erased or written in this step, so any content is possible.
+        Some(1) => true,
+        Some(_) => sum == to,
     }
 }
 
@@ -158,7 +144,7 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
     for page in 0..pages {
         let sum = checksum(active, page * length, length).await?;
         state.read(sums_at(state, page), word).await.map_err(kind)?;
-        if !PageSums::read(word).is_some_and(|sums| sums.fits(sum, page, pages, progress)) {
+        if !fits(word, sum, page, pages, progress) {
             return discard(state).await;
         }
     }
