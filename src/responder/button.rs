@@ -53,63 +53,52 @@ pub struct ButtonInputs {
     pub now: Micros,
 }
 
-/// State of the contact.
+/// State of the contact and of the motors that it turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ContactState {
     Open,
     /// Closed since this time, which is less than [`DEBOUNCE_MICROS`] ago. The contact may still bounce.
     Closing(Micros),
-    /// Closed for at least [`DEBOUNCE_MICROS`], or since reset. Also the state before the first step.
+    /// Closed without effect until it opens. Also the state before the first step.
     #[default]
-    Closed,
-}
-
-/// What the button commands the motors to do.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum ButtonMotion {
-    /// The motors are disabled.
-    #[default]
-    Off,
-    /// The motors turn, because the button is pressed.
-    Turning,
-    /// The button was released at this time, and the motors are regulated to standstill.
-    Stopping(Micros),
+    Ignored,
+    /// Closed: the button is pressed, and the motors turn.
+    Pressed,
 }
 
 /// State of the button and its motors. The default is the state after a reset.
 #[derive(Clone, Debug, Default)]
 pub struct Button {
     contact: ContactState,
-    motion: ButtonMotion,
+    /// Time of the release after which motors are regulated to standstill; `None` if they are not.
+    released_at: Option<Micros>,
 }
 
 impl Button {
     /// Returns the set-point of all motors. Must be called about every 10 ms.
     pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
-        let pressed = self.pressed(inputs.down, inputs.now);
-        self.motion = match self.motion {
-            _ if !inputs.permitted => ButtonMotion::Off,
-            _ if pressed && inputs.battery_good => ButtonMotion::Turning,
-            ButtonMotion::Turning if self.contact == ContactState::Open => ButtonMotion::Stopping(inputs.now),
-            ButtonMotion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => ButtonMotion::Off,
-            motion => motion,
-        };
-        match self.motion {
-            ButtonMotion::Off => Setpoint::Disabled,
-            ButtonMotion::Turning => TURN,
-            ButtonMotion::Stopping(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
-        }
-    }
-
-    /// Updates the contact. Returns true once for each press, when the contact has been closed for [`DEBOUNCE_MICROS`].
-    fn pressed(&mut self, down: bool, now: Micros) -> bool {
-        let before = self.contact;
-        self.contact = match before {
+        let ButtonInputs { down, permitted, battery_good, now } = inputs;
+        let was_pressed = self.contact == ContactState::Pressed;
+        self.contact = match self.contact {
             _ if !down => ContactState::Open,
             ContactState::Open => ContactState::Closing(now),
-            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Closed,
-            contact => contact,
+            ContactState::Closing(since) if now.since(since) < DEBOUNCE_MICROS => {
+                ContactState::Closing(since)
+            }
+            ContactState::Closing(_) if permitted && battery_good => ContactState::Pressed,
+            ContactState::Pressed if permitted => ContactState::Pressed,
+            _ => ContactState::Ignored,
         };
-        before != self.contact && self.contact == ContactState::Closed
+        if !permitted {
+            self.released_at = None;
+        } else if was_pressed && !down {
+            self.released_at = Some(now);
+        }
+        self.released_at.take_if(|released_at| now.since(*released_at) >= HOLD_MICROS);
+        match self.contact {
+            ContactState::Pressed => TURN,
+            _ if self.released_at.is_some() => Setpoint::Velocity(CountsPerSecond::ZERO),
+            _ => Setpoint::Disabled,
+        }
     }
 }

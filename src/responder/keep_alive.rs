@@ -28,10 +28,9 @@ use crate::units::Micros;
 pub const TIMEOUT_MICROS: u64 = 2_500_000;
 
 /// Contact with the host.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Contact {
     /// No packet for this hub has arrived since boot, and no stop to all hubs. The timer does not run.
-    #[default]
     Awaited,
     /// The last packet arrived at this time. The timer runs.
     Present(Micros),
