@@ -299,13 +299,6 @@ impl Voltage {
         }
     }
 
-    /// Returns the voltage with the opposite sign.
-    #[must_use]
-    pub const fn reversed(self) -> Self {
-        // The result is in range, because the range is symmetric.
-        Self(-self.0)
-    }
-
     /// Returns the voltage in volts, rounded to the nearest `f32`.
     pub const fn to_volts(self) -> f32 {
         self.0 as f32 / 16_000.0
