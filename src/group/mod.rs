@@ -186,7 +186,6 @@ pub struct Group<const N: usize> {
     /// For each motor, true if it is a member.
     members: [bool; N],
     trajectory: Trajectory<N>,
-    acceleration: Acceleration,
     lag: u16,
     tolerance: u16,
     halt: Halt,
@@ -211,7 +210,7 @@ impl<const N: usize> Group<N> {
         }
         let trajectory = Trajectory::new(positions, speeds.map(CountsPerSecond::to_f32), acceleration);
         let tick_s = period.to_seconds();
-        let mut group = Self { members, trajectory, acceleration, lag, tolerance, halt, tick_s };
+        let mut group = Self { members, trajectory, lag, tolerance, halt, tick_s };
         group.redirect(command);
         group
     }
@@ -221,13 +220,14 @@ impl<const N: usize> Group<N> {
     /// course does not name stops.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
-        (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
+        (self.lag, self.tolerance, self.halt) = (lag, tolerance, halt);
+        self.trajectory.set_acceleration(acceleration);
         let (values, are_distances) = match course {
             Course::Distance(distances) => (distances, true),
             Course::Position(positions) => (positions, false),
             Course::Velocity(speeds) => {
                 let speeds = for_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO);
-                return self.trajectory.turn_at(speeds, acceleration);
+                return self.trajectory.turn_at(speeds);
             }
         };
         let mut targets = self.trajectory.references().map(|reference| (reference >> 16) as i32);
@@ -236,12 +236,12 @@ impl<const N: usize> Group<N> {
                 *target = if are_distances { target.wrapping_add(value) } else { value };
             }
         }
-        self.trajectory.move_to(targets, speed.to_f32(), acceleration, self.tick_s);
+        self.trajectory.move_to(targets, speed.to_f32(), self.tick_s);
     }
 
     /// Brakes all members together. The members hold the positions where they stop.
     pub fn stop(&mut self) {
-        self.trajectory.turn_at([CountsPerSecond::ZERO; N], self.acceleration);
+        self.trajectory.turn_at([CountsPerSecond::ZERO; N]);
     }
 
     /// Returns for each motor whether it is a member.

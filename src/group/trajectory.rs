@@ -92,10 +92,15 @@ impl<const N: usize> Trajectory<N> {
         trajectory
     }
 
+    /// Changes the largest acceleration of the member that moves farthest.
+    pub(super) const fn set_acceleration(&mut self, acceleration: Acceleration) {
+        self.acceleration_cps2 = acceleration.get() as f32;
+    }
+
     /// Makes the motors turn at these speeds without end, starting from the present references and speeds. If all
     /// speeds are 0, the group brakes to a stop.
-    pub(super) fn turn_at(&mut self, speeds: [CountsPerSecond; N], acceleration: Acceleration) {
-        let present_cps = self.restart(acceleration);
+    pub(super) fn turn_at(&mut self, speeds: [CountsPerSecond; N]) {
+        let present_cps = self.restart();
         self.endless = true;
         self.share = speeds.map(CountsPerSecond::to_bits);
         self.update_length();
@@ -112,14 +117,8 @@ impl<const N: usize> Trajectory<N> {
     /// Makes the motors move to these positions in counts and stop there, starting from the present references and
     /// speeds. A motor that is no member has its present position as target. `speed_cps` is the speed of the member
     /// that moves farthest, in counts/s. `tick_s` is a tick in seconds.
-    pub(super) fn move_to(
-        &mut self,
-        targets: [i32; N],
-        speed_cps: f32,
-        acceleration: Acceleration,
-        tick_s: f32,
-    ) {
-        let present_cps = self.restart(acceleration);
+    pub(super) fn move_to(&mut self, targets: [i32; N], speed_cps: f32, tick_s: f32) {
+        let present_cps = self.restart();
         (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
         self.head_for(&targets);
         let (along, sideways) = split(&present_cps, &self.direction());
@@ -146,10 +145,9 @@ impl<const N: usize> Trajectory<N> {
     }
 
     /// Moves the base to the present references, at progress 0. Returns the present speeds in counts/s.
-    fn restart(&mut self, acceleration: Acceleration) -> [f32; N] {
+    fn restart(&mut self) -> [f32; N] {
         let speeds_cps = self.speeds_cps();
         self.base = self.references();
-        self.acceleration_cps2 = acceleration.get() as f32;
         (self.progress, self.speed_cps, self.start_offset) = (0, 0.0, [0; N]);
         speeds_cps
     }
