@@ -117,14 +117,17 @@ pub struct Chain {
     pending: Option<PendingRequest>,
     /// The addresses that this hub has sent a request to.
     addressed: Addresses,
-    report: ChainReport,
+    /// See [`ChainReport::answering`].
+    answering: Addresses,
+    /// See [`ChainReport::duplicate`].
+    duplicate: Addresses,
 }
 
 impl Chain {
     /// Returns the state of the chain line.
     pub fn report(&self) -> ChainReport {
         let discovering = self.discovery.is_some() || self.pending.is_some_and(|pending| pending.discovery);
-        ChainReport { discovering, ..self.report }
+        ChainReport { discovering, answering: self.answering, duplicate: self.duplicate }
     }
 
     /// Queues a host's request to another hub. The request is dropped if its payload has [`PAYLOAD_KEPT`] bytes or
@@ -170,8 +173,8 @@ impl Chain {
         }
         self.pending.take_if(|pending| pending.address == source);
         let is_duplicate = source == own.get();
-        self.report.answering.set(source, true);
-        self.report.duplicate.set(source, is_duplicate);
+        self.answering.set(source, true);
+        self.duplicate.set(source, is_duplicate);
         (!is_duplicate).then_some(packet)
     }
 
@@ -185,8 +188,8 @@ impl Chain {
             self.pending = None;
             if pending.discovery {
                 // No packet has arrived from this address. Bytes without a packet are answers that collided.
-                self.report.duplicate.set(pending.address, pending.received_bytes);
-                self.report.answering.set(pending.address, false);
+                self.duplicate.set(pending.address, pending.received_bytes);
+                self.answering.set(pending.address, false);
             }
         }
         // A discovery takes half a second, so requests go first.

@@ -91,8 +91,10 @@ enum Step {
     CheckMode,
     /// The write with this index in [`CONFIGURATION`].
     Configure(usize),
-    /// Reads the quaternion. The value is true once a valid quaternion has been read.
-    Measure(bool),
+    /// Reads the quaternion since this time, until a valid quaternion is read.
+    Start(Micros),
+    /// Reads the quaternion.
+    Measure,
 }
 
 /// The driver of one sensor.
@@ -101,8 +103,6 @@ pub struct Bno055 {
     step: Step,
     /// Earliest time of the next access.
     due: Micros,
-    /// Time at which the driver began to measure.
-    measures_since: Micros,
     /// Number of successive failed accesses.
     errors: u8,
 }
@@ -118,7 +118,7 @@ impl Bno055 {
             Step::Identify => transfer(&[CHIP_ID], 1),
             Step::CheckMode => transfer(&[OPR_MODE], 1),
             Step::Configure(index) => transfer(CONFIGURATION.get(index)?.0, 0),
-            Step::Measure(_) => transfer(&[QUATERNION], 8),
+            Step::Start(_) | Step::Measure => transfer(&[QUATERNION], 8),
         }
     }
 
@@ -137,49 +137,38 @@ impl Bno055 {
         match (self.step, answer) {
             (Step::SelectPage, _) => self.step = Step::Identify,
             (Step::Identify, &[IDENTIFICATION]) => self.step = Step::CheckMode,
-            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.start_measuring(now),
+            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.step = Step::Start(now),
             (Step::CheckMode, _) => self.step = Step::Configure(0),
             (Step::Configure(index), _) => {
                 let pause = CONFIGURATION.get(index).map_or(0, |(_, pause)| *pause);
                 self.due = Micros::new(now.get().saturating_add(pause));
-                if index + 1 < CONFIGURATION.len() {
-                    self.step = Step::Configure(index + 1);
-                } else {
-                    self.start_measuring(now);
-                }
+                let next = index + 1;
+                self.step = if next < CONFIGURATION.len() { Step::Configure(next) } else { Step::Start(now) };
             }
-            (Step::Measure(has_begun), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
+            (step @ (Step::Start(_) | Step::Measure), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
                 let quaternion = [[w0, w1], [x0, x1], [y0, y1], [z0, z1]].map(i16::from_le_bytes);
                 let heading = heading_degrees(quaternion);
-                if heading.is_some() {
-                    self.step = Step::Measure(true);
-                } else if has_begun || now.since(self.measures_since) > FIRST_QUATERNION_US {
+                match step {
+                    _ if heading.is_some() => self.step = Step::Measure,
+                    Step::Start(since) if now.since(since) <= FIRST_QUATERNION_US => (),
                     // The sensor has lost its supply, or something else answers.
-                    self.begin_again(now);
+                    _ => self.begin_again(now),
                 }
                 return heading;
             }
-            (Step::Identify | Step::Measure(_), _) => self.begin_again(now),
+            (Step::Identify | Step::Start(_) | Step::Measure, _) => self.begin_again(now),
         }
         None
     }
 
     /// True from the first measurement until the sensor counts as lost.
     pub const fn is_measuring(&self) -> bool {
-        matches!(self.step, Step::Measure(true))
-    }
-
-    const fn start_measuring(&mut self, now: Micros) {
-        (self.step, self.measures_since) = (Step::Measure(false), now);
+        matches!(self.step, Step::Measure)
     }
 
     const fn begin_again(&mut self, now: Micros) {
-        *self = Self {
-            step: Step::SelectPage,
-            due: Micros::new(now.get().saturating_add(RETRY_US)),
-            measures_since: now,
-            errors: 0,
-        };
+        *self =
+            Self { step: Step::SelectPage, due: Micros::new(now.get().saturating_add(RETRY_US)), errors: 0 };
     }
 }
 
