@@ -66,8 +66,8 @@
 //! assert!(linear.duty > linear_duty(Scheme::B, at, control).duty);
 //! ```
 
+use super::Winding;
 use super::points::{OperatingPoint, Regime};
-use super::winding::Winding;
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
 use crate::units::single::{at_least, at_most};

@@ -36,20 +36,42 @@
 //! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
 
-mod braking_power;
 pub mod linear_current;
 pub mod points;
 pub mod scheme;
-mod winding;
 
-pub use braking_power::BrakingPower;
 pub use linear_current::LinearCurrent;
 pub use points::{Fraction, Location, OperatingPoint, Points, Regime, UnboundedControl};
 pub use scheme::{Blend, BlendFraction, Scheme};
-pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Duty, Voltage};
+use crate::units::{Control, Duty, EmfConstant, Inductance, Resistance, Voltage, constant};
+
+/// Electrical constants of a motor's winding. The back EMF is per encoder speed.
+///
+/// The duties of [linear current](mod@linear_current) depend little on resistance and inductance: an error of a
+/// factor of two is tolerable. If the inductance is unknown, the formulas treat the current as continuous, as at a high
+/// PWM frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Winding {
+    /// Back EMF per encoder speed.
+    pub emf: EmfConstant,
+    /// Resistance at the terminals.
+    pub resistance: Resistance,
+    /// Inductance; `None` if unknown.
+    pub inductance: Option<Inductance>,
+}
+
+impl Winding {
+    /// An AndyMark NeveRest 60: 3.3 ohm, 694 uH, 533/30000 V s/rad and 28 counts per revolution of the motor, which is
+    /// 3.98683 mV s/count. These constants are a fair guess for any 12 V gear motor of a robot.
+    pub const NEVEREST_60: Self = Self {
+        emf: constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0)),
+        resistance: constant!(Resistance::from_ohms(3.3)),
+        inductance: Some(constant!(Inductance::from_millihenries(0.694))),
+    };
+}
 
 /// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +87,22 @@ pub struct Modulation {
 impl Modulation {
     /// Full dynamic braking: the bridge shorts the winding all the time.
     pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO, is_discontinuous: false };
+}
+
+/// Power of a braking motor. One part returns to the supply bus, the rest heats winding and bridge. Each part is at
+/// least 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BrakingPower {
+    /// Power that returns to the bus, in W.
+    pub returned_watts: f32,
+    /// Power that winding and bridge dissipate, in W.
+    pub dissipated_watts: f32,
+}
+
+impl BrakingPower {
+    /// The power of a motor that does not brake.
+    pub const NONE: Self = Self { returned_watts: 0.0, dissipated_watts: 0.0 };
 }
 
 /// Map from a location within a regime to a duty.
@@ -172,6 +210,28 @@ impl Modulator {
     pub fn discontinuous_volts(&self, at: OperatingPoint, voltage: Voltage) -> f32 {
         let (regime, _) = points::current(clockwise_volts(at, voltage), at);
         self.current.boundary(regime, at)
+    }
+
+    /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.
+    pub fn braking_power(&self, at: OperatingPoint, command: Modulation, ohms: f32) -> BrakingPower {
+        let Modulation { drive, voltage, .. } = command;
+        let (e, v) = at.volts();
+        let current = (e - clockwise_volts(at, voltage)).max(0.0) / ohms;
+        let braked = e * current;
+        match at.regime(drive) {
+            Regime::Forward => BrakingPower::NONE,
+            Regime::Reverse => BrakingPower { returned_watts: 0.0, dissipated_watts: braked },
+            Regime::Braking => {
+                // Current flows into the bus only while the bridge is open. `share` is the part of the mean current
+                // that flows in this time. If the current is continuous, `share` is the open share of the period. If
+                // the current is discontinuous, the current rises and falls between 0 and the same peak, so `share` is
+                // e / falling voltage.
+                let open = 1.0 - drive.duty.to_f32();
+                let share = open.min(e / self.current.falling_volts(v));
+                let returned = (v * current * share).min(braked);
+                BrakingPower { returned_watts: returned, dissipated_watts: braked - returned }
+            }
+        }
     }
 }
 

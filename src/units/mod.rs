@@ -61,7 +61,6 @@ mod control;
 mod dynamics;
 mod electrical;
 mod motion;
-mod sequence;
 pub(crate) mod single;
 mod time;
 
@@ -71,7 +70,6 @@ pub use electrical::{
     Emf, EmfConstant, Inductance, Microjoules, Milliamperes, Millivolts, Resistance, Voltage,
 };
 pub use motion::CountsPerSecond;
-pub use sequence::is_included;
 pub use time::{Micros, Period};
 
 #[doc(inline)]
@@ -107,6 +105,20 @@ pub(crate) const fn nearest(value: f64) -> Option<i64> {
     } else {
         Some(whole)
     }
+}
+
+/// True if the command `number` is the command `newest` or an older command. Numbers count since boot and wrap at 2^32,
+/// so `number` counts as older if it is less than 2^31 behind `newest`.
+///
+/// ```
+/// use motor_hub::units::is_included;
+///
+/// assert!(is_included(7, 7) && is_included(7, 8) && !is_included(8, 7));
+/// // The number after 2^32 - 1 is 0.
+/// assert!(is_included(u32::MAX, 0) && !is_included(0, u32::MAX));
+/// ```
+pub const fn is_included(number: u32, newest: u32) -> bool {
+    newest.wrapping_sub(number) < 1 << 31
 }
 
 /// A quantity is out of its range. Each variant names the quantity.
