@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-import math
 import os
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
@@ -336,12 +335,13 @@ class Hub:
         after ``timeout`` seconds; ``None`` is no limit. After a time-out, and after a cancellation, the motors stop.
         """
         arguments = (self._link.together, dict(targets), False, speed, acceleration, tolerance)
-        await self._move(tuple(targets), acceleration, timeout, f"motors {sorted(targets)} have not settled", *arguments)
+        await self._move(tuple(targets), acceleration, 1, timeout, f"motors {sorted(targets)} have not settled", *arguments)
 
     async def _move(
         self,
         members: tuple[int, ...],
         acceleration: float,
+        counts: float,
         timeout: float | None,
         failure: str,
         call: Callable[..., _T],
@@ -349,7 +349,8 @@ class Hub:
     ) -> _T:
         """Starts a motion of a group by a call, and returns the result of the call once all members have settled.
 
-        ``acceleration`` in counts/s² is that of the stop after a time-out, a cancellation or an answer that is missing.
+        ``acceleration`` is that of the stop after a time-out, a cancellation or an answer that is missing. Its unit has
+        ``counts`` counts/s².
         """
         _check_timeout(timeout)
         await self._check(*members)
@@ -365,7 +366,7 @@ class Hub:
 
         def stop() -> None:
             if not self._others(members, motion):
-                self._link.together(dict.fromkeys(members, 0), True, 1, max(1, round(acceleration)), None)
+                self._link.together(dict.fromkeys(members, 0), True, 1, max(1, round(acceleration * counts)), None)
 
         try:
             result: _T = await self._call(self._start, members, motion, call, *arguments)
@@ -487,27 +488,20 @@ class Hub:
                 raise HubError(f"motor {reading.motor} does not run: {reading.why_still or 'disabled'}")
 
 
+@dataclass(eq=False, repr=False)
 class Base:
     """A drive base with two wheels, from ``Hub.set_base`` or ``Hub.base``. Its motions need ``with hub.enabled(*base.wheels)``."""
 
-    def __init__(
-        self,
-        hub: Hub,
-        *,
-        wheels: tuple[int, int],
-        wheel_diameter_mm: float,
-        track_mm: float,
-        counts_per_turn: tuple[float, float],
-        use_gyro: bool,
-    ) -> None:
-        self._hub = hub
-        # Counts of the wheels at the end of the last part: the next part begins there, so errors of the parts do not add up.
-        self._end: tuple[float, float] | None = None
-        self.wheels = wheels
-        self.wheel_diameter_mm = wheel_diameter_mm
-        self.track_mm = track_mm
-        self.counts_per_turn = counts_per_turn
-        self.use_gyro = use_gyro
+    _hub: Hub
+    wheels: tuple[int, int]
+    wheel_diameter_mm: float
+    track_mm: float
+    counts_per_turn: tuple[float, float]
+    use_gyro: bool
+    # Counts per mm of the wheel with more counts.
+    _counts_per_mm: float
+    # Counts of the wheels at the end of the last part: the next part begins there, so errors of the parts do not add up.
+    _end: tuple[float, float] | None = None
 
     def __repr__(self) -> str:
         return f"<drive base on motors {self.wheels[0]} and {self.wheels[1]} of hub {self._hub.address}>"
@@ -549,17 +543,15 @@ class Base:
         hub = self._hub
         what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
         arguments = (hub._link.drive, self._end, turns, by, speed, acceleration)
-        # Of the wheel with more counts per turn.
-        counts_per_mm = max(map(abs, self.counts_per_turn)) / (math.pi * self.wheel_diameter_mm)
-        self._end = await hub._move(self.wheels, acceleration * counts_per_mm, timeout, what, *arguments)
+        self._end = await hub._move(self.wheels, acceleration, self._counts_per_mm, timeout, what, *arguments)
 
 
+@dataclass(frozen=True, repr=False)
 class Motor:
     """One motor of a hub. Commands need an enclosing ``with hub.enabled(number)`` block."""
 
-    def __init__(self, hub: Hub, number: int) -> None:
-        self._hub = hub
-        self.number = number
+    _hub: Hub
+    number: int
 
     def __repr__(self) -> str:
         return f"<motor {self.number} of hub {self._hub.address}>"

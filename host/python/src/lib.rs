@@ -2,7 +2,7 @@
 //! global interpreter lock while they wait.
 //!
 //! `motor_hub/__init__.py` calls these functions in a thread, and offers them as an asyncio interface. Numbers arrive
-//! from Python as `Whole` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
+//! from Python as `Whole` or `Real`: a number out of range raises a `ValueError` that names the value and the range.
 
 mod reading;
 
@@ -72,6 +72,23 @@ impl FromPyObject<'_, '_> for Whole {
         match number.extract::<i64>() {
             Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
                 Ok(Self(if number.lt(0)? { i64::MIN } else { i64::MAX }))
+            }
+            value => value.map(Self),
+        }
+    }
+}
+
+/// A number from Python. An integer that is too large for a float becomes an infinity.
+#[derive(Clone, Copy)]
+struct Real(f64);
+
+impl FromPyObject<'_, '_> for Real {
+    type Error = PyErr;
+
+    fn extract(number: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        match number.extract::<f64>() {
+            Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
+                Ok(Self(if number.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
             }
             value => value.map(Self),
         }
@@ -223,8 +240,8 @@ impl Link {
     }
 
     /// Sets constant power as a share of full power, -1 to 1.
-    fn power(&self, py: Python<'_>, motor: Whole, share: f64) -> PyResult<()> {
-        let motor = channel(motor)?;
+    fn power(&self, py: Python<'_>, motor: Whole, share: Real) -> PyResult<()> {
+        let (motor, share) = (channel(motor)?, share.0);
         if !(-1.0..=1.0).contains(&share) {
             return Err(outside("power", share, -1, 1, "of full power"));
         }
@@ -254,9 +271,9 @@ impl Link {
     }
 
     /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
-    fn current(&self, py: Python<'_>, motor: Whole, amperes: f64, speed: Whole) -> PyResult<()> {
+    fn current(&self, py: Python<'_>, motor: Whole, amperes: Real, speed: Whole) -> PyResult<()> {
         let motor = channel(motor)?;
-        let ma = constant_current_ma(amperes).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let ma = constant_current_ma(amperes.0).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let speed_limit = speed_limit(speed)?;
         self.set_setpoint(py, motor, Setpoint::Current { ma, speed_limit })
     }
@@ -351,13 +368,15 @@ impl Link {
         &self,
         py: Python<'_>,
         wheels: (Whole, Whole),
-        wheel_diameter_mm: f64,
-        track_mm: f64,
-        counts_per_turn: (f64, f64),
+        wheel_diameter_mm: Real,
+        track_mm: Real,
+        counts_per_turn: (Real, Real),
         use_gyro: bool,
     ) -> PyResult<()> {
         let wheels = [channel(wheels.0)?, channel(wheels.1)?];
-        let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn: counts_per_turn.into() };
+        let counts_per_turn = <[Real; 2]>::from(counts_per_turn).map(|counts| counts.0);
+        let base =
+            DriveBase { wheel_diameter_mm: wheel_diameter_mm.0, track_mm: track_mm.0, counts_per_turn };
         let base = BaseSettings::new(wheels, &base, use_gyro);
         let base = base.map_err(|error| PyValueError::new_err(error.to_string()))?;
         self.run(py, |session| session.set_base(base))
@@ -387,13 +406,14 @@ impl Link {
         py: Python<'_>,
         start: Option<(f64, f64)>,
         turns: bool,
-        by: f64,
-        speed: f64,
-        acceleration: f64,
+        by: Real,
+        speed: Real,
+        acceleration: Real,
     ) -> PyResult<(f64, f64)> {
         /// Largest distance of each wheel from `start` in counts. At a larger distance something else has moved the
         /// wheels since the last motion.
         const NEAR_COUNTS: u32 = 100;
+        let [by, speed, acceleration] = [by, speed, acceleration].map(|number| number.0);
         for (name, value, unit) in [("speed", speed, "mm/s"), ("acceleration", acceleration, "mm/s²")] {
             if !(0.001..=1e6).contains(&value) {
                 return Err(outside(name, value, 0.001, 1_000_000, unit));

@@ -1,6 +1,6 @@
 //! Converts reports of a hub to dictionaries. Their keys are the fields of the dataclasses in `motor_hub/__init__.py`.
 
-use motor_hub_client::base::OdometryValues;
+use motor_hub_client::base::{OdometryValues, most_counts};
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::group::BaseSettings;
@@ -82,6 +82,7 @@ pub(crate) fn base<'py>(py: Python<'py>, base: &BaseSettings) -> PyResult<Bound<
     fields.set_item("track_mm", geometry.track_mm)?;
     fields.set_item("counts_per_turn", <(f64, f64)>::from(geometry.counts_per_turn))?;
     fields.set_item("use_gyro", base.use_gyro)?;
+    fields.set_item("_counts_per_mm", most_counts(&geometry, 1.0))?;
     Ok(fields)
 }
 

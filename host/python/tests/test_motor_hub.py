@@ -369,7 +369,8 @@ class BadInput(WithHub):
 
     async def test_numbers_beyond_64_bits_are_errors_that_name_the_range(self) -> None:
         more, less = "9223372036854775807 or more", "-9223372036854775808 or less"
-        with self.hub.enabled(0):
+        base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
+        with self.hub.enabled(0, 1):
             motor = self.hub[0]
             for command, text in [
                 (motor.velocity(2**80), f"velocity is {more}; allowed are -32768 to 32767 counts/s"),
@@ -378,6 +379,11 @@ class BadInput(WithHub):
                 (motor.identify(travel=2**64), f"travel is {more}; allowed are 1 to 4294967295 counts"),
                 (self.hub.together({0: 2**64}), f"target is {more}; allowed are -2147483648 to 2147483647 counts"),
                 (self.hub.together({0: 1}, acceleration=2**64), f"acceleration is {more}; allowed are 1 to 4294967295 counts/s²"),
+                (motor.power(10**400), "power is inf; allowed are -1 to 1 of full power"),
+                (motor.power(-(10**400)), "power is -inf; allowed are -1 to 1 of full power"),
+                (motor.current(10**400, speed=100), "a current of inf A is out of range; allowed is -65.535 to 65.535 A"),
+                (base.drive(10**400), "distance is inf; allowed are -1000000 to 1000000 mm"),
+                (base.drive(1, acceleration=10**400), "acceleration is inf; allowed are 0.001 to 1000000 mm/s²"),
             ]:
                 with self.assertRaises(ValueError) as caught:
                     await command
@@ -385,6 +391,8 @@ class BadInput(WithHub):
         with self.assertRaisesRegex(ValueError, f"motor is {more}; allowed are 0 to 3"):
             with self.hub.enabled(2**64):
                 self.fail("the block must not run")
+        with self.assertRaisesRegex(ValueError, "a track of 1 mm to 10 m"):
+            await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=10**400, counts_per_turn=(1680, 1680))
 
     async def test_a_timeout_out_of_range_is_an_error_and_nothing_moves(self) -> None:
         base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
@@ -406,6 +414,13 @@ class BadInput(WithHub):
                 await command
                 with self.assertRaisesRegex(HubError, f"motor 0 never settles at its set-point, {setpoint}; .* velocity or a position"):
                     await asyncio.wait_for(self.hub[0].settled(), 3)
+
+    async def test_a_motor_equals_the_same_motor_of_the_same_hub(self) -> None:
+        other = Served()
+        self.addCleanup(other.close)
+        self.assertEqual({self.hub[0]: "left"}[self.hub[0]], "left")
+        for motor in (self.hub[1], connect(other.place)[0]):
+            self.assertNotEqual(self.hub[0], motor)
 
     async def test_a_motor_that_is_not_there_is_an_error(self) -> None:
         with self.assertRaisesRegex(IndexError, "motor is 4; allowed are 0 to 3"):
