@@ -7,8 +7,10 @@
 use crate::config::Joint;
 use crate::messages::{battery_state, diagnostics, imu, joint_state, odometry, transform};
 use crate::node::{Answer, Arrived, Call, Event, Topics, now};
-use crate::robot::{Robot, Setpoint, VALID};
+use crate::robot::{Robot, VALID};
 use motor_hub_client::hub::StoreAccess;
+use motor_hub_client::identification::{Identifying as IdentifyingMotor, Progress};
+use motor_hub_client::motor::Setpoint;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::HubReport;
@@ -87,7 +89,8 @@ struct Identifying {
     answer: Answer,
     /// The joint that is being identified, followed by the joints that are not identified yet.
     joints: VecDeque<Joint>,
-    started: bool,
+    /// The identification of the first joint; `None` before its begin.
+    first: Option<IdentifyingMotor>,
 }
 
 /// A save of settings, which runs on several hubs at the same time.
@@ -299,7 +302,7 @@ impl HubThread {
                     hub.disable()?;
                     self.robot.enable();
                     let joints = self.robot.config().joints.iter().cloned().collect();
-                    hub.identification = Some(Identifying { answer, joints, started: false });
+                    hub.identification = Some(Identifying { answer, joints, first: None });
                     return Ok(());
                 }
             },
@@ -383,7 +386,7 @@ impl HubThread {
                 }
             }
         }
-        hub.identify(address, &report)?;
+        hub.identify(address)?;
         hub.follow_save(address)?;
         hub.note_disabled(address, &report);
         let placed = if address.is_none() { hub.odometry()? } else { None };
@@ -605,18 +608,22 @@ impl Connected {
         let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
         self.turn_to(address)?;
         let mode = match setpoint {
+            Setpoint::Power(power) => {
+                self.session.set_power(motor, power)?;
+                RunMode::Power
+            }
             Setpoint::Velocity(cps) => {
                 self.session.set_velocity(motor, cps)?;
                 RunMode::Velocity
             }
-            Setpoint::Position { counts, speed } => {
-                self.session.set_position(motor, counts, 0)?;
+            Setpoint::Position { counts, tolerance, speed_limit } => {
+                self.session.set_position(motor, counts, tolerance)?;
                 // In velocity mode this value is the target velocity, so the speed limit is set after the mode has
                 // changed.
                 if sent.mode == Some(RunMode::Velocity) {
                     self.mode(motor, RunMode::Position, sent)?;
                 }
-                self.session.set_velocity(motor, speed)?;
+                self.session.set_velocity(motor, speed_limit)?;
                 RunMode::Position
             }
             Setpoint::Current { .. } => {
@@ -632,8 +639,8 @@ impl Connected {
         if !sent.enabled {
             self.session.enable(motor, true)?;
         }
-        if let Setpoint::Current { ma, speed } = setpoint {
-            self.session.set_current(motor, ma, speed)?;
+        if let Setpoint::Current { ma, speed_limit } = setpoint {
+            self.session.set_current(motor, ma, speed_limit)?;
         }
         if let Some((_, sent)) = self.joints.get_mut(joint) {
             *sent = SentState { enabled: true, mode: Some(mode) };
@@ -669,51 +676,43 @@ impl Connected {
         }
     }
 
-    /// Takes the next step of an identification. Each motor is braked until it stands, and is then identified. The
-    /// motors follow one after the other.
-    fn identify(&mut self, address: Option<u8>, report: &HubReport) -> Result<(), Error> {
-        let Some(Identifying { joints, started, .. }) = &self.identification else { return Ok(()) };
+    /// Takes the next step of an identification. The motors are identified one after the other.
+    fn identify(&mut self, address: Option<u8>) -> Result<(), Error> {
+        let Some(Identifying { joints, first, .. }) = &mut self.identification else { return Ok(()) };
         let Some(Joint { name, address: of, motor, .. }) = joints.front().cloned() else {
             return self.identified(Ok("all joints are identified; their constants are in force".to_owned()));
         };
         if of != address {
             return Ok(());
         }
-        if !started {
-            self.session.set_power(motor, Control::ZERO)?;
-            self.session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-            self.session.enable(motor, true)?;
-            let stands =
-                report.motors.get(usize::from(motor)).is_some_and(|motor| motor.velocity.unsigned_abs() <= 3);
-            if stands {
-                match self.session.identify(motor, u32::MAX) {
-                    Err(Error::Refused { reason, .. }) => {
-                        return self.identified(Err(format!("{name}: the hub refuses: {reason}")));
-                    }
-                    done => drop(done?),
-                }
-                if let Some(of) = &mut self.identification {
-                    of.started = true;
-                }
+        let session = &mut self.session;
+        let progress = match first {
+            Some(identifying) => identifying.step(session),
+            None => IdentifyingMotor::begin(session, motor, u32::MAX).and_then(|identifying| {
+                *first = Some(identifying);
+                session.enable(motor, true).map(|()| Progress::Braking)
+            }),
+        };
+        match progress {
+            Ok(Progress::Ended(Identification::Found(found))) => {
+                session.set_dynamics(motor, Some(found.dynamics))?;
+                session.enable(motor, false)?;
+                joints.pop_front();
+                *first = None;
+                Ok(())
             }
-            return Ok(());
-        }
-        match self.session.identification(motor)? {
-            Identification::Running(_) => return Ok(()),
-            Identification::Found(found) => {
-                self.session.set_dynamics(motor, Some(found.dynamics))?;
+            Ok(Progress::Ended(Identification::Refused(why))) => {
+                self.identified(Err(format!("{name}: {why}")))
             }
-            Identification::Refused(why) => return self.identified(Err(format!("{name}: {why}"))),
-            Identification::None => {
-                return self.identified(Err(format!("{name}: the identification did not start")));
+            Ok(Progress::Ended(_)) => {
+                self.identified(Err(format!("{name}: the identification did not start")))
             }
+            Ok(_) => Ok(()),
+            Err(Error::Refused { reason, .. }) => {
+                self.identified(Err(format!("{name}: the hub refuses: {reason}")))
+            }
+            Err(error) => Err(error),
         }
-        self.session.enable(motor, false)?;
-        if let Some(Identifying { joints, started, .. }) = &mut self.identification {
-            joints.pop_front();
-            *started = false;
-        }
-        Ok(())
     }
 
     /// Ends an identification, and answers its call.

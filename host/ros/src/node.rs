@@ -180,22 +180,24 @@ impl<'a> Graph<'a> {
                 subscribers.push(self.subscriber(&node, &name(topic), of, read, events, malformed)?);
             }
         }
-        let calls: [(&str, Type, CallReader); 5] = [
-            ("stop", messages::TRIGGER, |request| messages::read_trigger(request).map(|()| Call::Stop)),
-            ("enable", messages::SET_BOOL, |request| messages::read_set_bool(request).map(Call::Enable)),
-            ("reset_encoders", messages::TRIGGER, |request| {
-                messages::read_trigger(request).map(|()| Call::ResetEncoders)
-            }),
-            ("identify", messages::TRIGGER, |request| {
-                messages::read_trigger(request).map(|()| Call::Identify)
-            }),
-            ("save_settings", messages::TRIGGER, |request| {
-                messages::read_trigger(request).map(|()| Call::SaveSettings)
-            }),
-        ];
-        let mut services = Vec::new();
-        for (service, of, read) in calls {
-            services.push(self.service(&node, &name(service), of, read, events, malformed)?);
+        let set_bool = |request: &[u8]| messages::read_set_bool(request).map(Call::Enable);
+        let mut services =
+            vec![self.service(&node, &name("enable"), messages::SET_BOOL, set_bool, events, malformed)?];
+        for (service, call) in [
+            ("stop", Call::Stop),
+            ("reset_encoders", Call::ResetEncoders),
+            ("identify", Call::Identify),
+            ("save_settings", Call::SaveSettings),
+        ] {
+            let trigger = move |request: &[u8]| messages::read_trigger(request).map(|()| call);
+            services.push(self.service(
+                &node,
+                &name(service),
+                messages::TRIGGER,
+                trigger,
+                events,
+                malformed,
+            )?);
         }
         let odometry = match hub.base {
             // In ROS all robots share one topic for transforms and one for diagnostics.
@@ -310,7 +312,7 @@ impl<'a> Graph<'a> {
         node: &Node,
         name: &str,
         of: Type,
-        read: CallReader,
+        read: impl Fn(&[u8]) -> Option<Call> + Send + Sync + 'static,
         events: &Sender<Arrived>,
         malformed: &Arc<AtomicU64>,
     ) -> zenoh::Result<(Queryable<()>, LivelinessToken)> {
@@ -335,9 +337,6 @@ impl<'a> Graph<'a> {
         Ok((queryable, self.visible(node, &entity)?.0))
     }
 }
-
-/// Reads the request of a call.
-type CallReader = fn(&[u8]) -> Option<Call>;
 
 /// Reads a message with a command.
 type Reader = fn(Source, &[u8]) -> Option<Event>;

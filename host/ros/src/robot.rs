@@ -16,7 +16,7 @@
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
 use crate::names::{Publishers, Source};
-use motor_hub_client::motor::constant_current_ma;
+use motor_hub_client::motor::{Setpoint, constant_current_ma};
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::group::GyroState;
@@ -34,17 +34,6 @@ const SILENT: Duration = Duration::from_secs(5);
 const REMEMBERED: usize = 64;
 /// Largest speed of a set-point in counts/s. The protocol has 16 signed bits for a speed.
 const FASTEST: f64 = i16::MAX as f64;
-
-/// Set-point of a motor, in the units of the hub.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Setpoint {
-    /// Regulated velocity in counts per second.
-    Velocity(i16),
-    /// Regulated position in counts, and a speed limit in counts per second.
-    Position { counts: i32, speed: i16 },
-    /// Constant current in mA, and a speed limit in counts per second.
-    Current { ma: i32, speed: u16 },
-}
 
 /// State of one joint's command.
 #[derive(Clone, Debug, Default)]
@@ -232,8 +221,8 @@ impl Robot {
             if command.until.is_some_and(|until| now >= until) {
                 let present = motor(&self.reports, joint).map(|motor| motor.position);
                 let stop = match (command.setpoint, present) {
-                    (Some(Setpoint::Position { speed, .. }), Some(counts)) => {
-                        Setpoint::Position { counts, speed }
+                    (Some(Setpoint::Position { tolerance, speed_limit, .. }), Some(counts)) => {
+                        Setpoint::Position { counts, tolerance, speed_limit }
                     }
                     _ => Setpoint::Velocity(0),
                 };
@@ -501,14 +490,14 @@ fn setpoint(
                 .filter(|velocity| *velocity != 0.0)
                 .map_or(limit, |velocity| (velocity * scale).abs().round().clamp(1.0, limit));
             let counts = whole(position * scale, f64::from(i32::MAX))? as i32;
-            Setpoint::Position { counts, speed: speed as i16 }
+            Setpoint::Position { counts, tolerance: 0, speed_limit: speed as i16 }
         }
         (None, Some(velocity), _) => Setpoint::Velocity(whole(velocity * scale, FASTEST)? as i16),
         (None, None, Some(effort)) => {
             let Some(torque_per_ampere) = joint.torque_per_ampere else { return Ok(None) };
             let amperes = effort / torque_per_ampere * scale.signum();
             let ma = constant_current_ma(amperes).map_err(|_| OutOfRange)?;
-            Setpoint::Current { ma, speed: limit as u16 }
+            Setpoint::Current { ma, speed_limit: limit as u16 }
         }
         (None, None, None) => return Ok(None),
     }))
@@ -526,6 +515,10 @@ mod tests {
 
     fn robot() -> Robot {
         Robot::new(Config::read(EXAMPLE).unwrap().hubs.remove(0), Publishers::default())
+    }
+
+    fn position(counts: i32, speed_limit: i16) -> Setpoint {
+        Setpoint::Position { counts, tolerance: 0, speed_limit }
     }
 
     fn ms(ms: u64) -> Duration {
@@ -593,10 +586,7 @@ mod tests {
         robot.joints(A, &all, ms(0));
         assert_eq!(
             robot.due(ms(0)),
-            [
-                (0, Setpoint::Current { ma: 2000, speed: 1604 }),
-                (1, Setpoint::Position { counts: -1680, speed: 267 })
-            ]
+            [(0, Setpoint::Current { ma: 2000, speed_limit: 1604 }), (1, position(-1680, 267))]
         );
         // The right joint has no torque constant, so it takes no effort.
         let effort =
@@ -616,11 +606,7 @@ mod tests {
                 ..JointCommands::default()
             };
             robot.joints(A, &to, ms(0));
-            assert_eq!(
-                robot.due(ms(0)),
-                [(0, Setpoint::Position { counts: 1680, speed })],
-                "{velocity} rad/s"
-            );
+            assert_eq!(robot.due(ms(0)), [(0, position(1680, speed))], "{velocity} rad/s");
         }
     }
 
@@ -668,7 +654,7 @@ mod tests {
         robot.joints(A, &to, ms(0));
         robot.due(ms(0));
         robot.observe(None, report([700, 0]), None);
-        assert_eq!(robot.due(ms(600)), [(0, Setpoint::Position { counts: 700, speed: 1604 })]);
+        assert_eq!(robot.due(ms(600)), [(0, position(700, 1604))]);
     }
 
     #[test]
@@ -685,7 +671,7 @@ mod tests {
         robot.observe(None, report([1680, 0]), None);
         robot.note_encoder_reset(0);
         robot.note_encoder_reset(1);
-        assert_eq!(robot.due(ms(10)), [(0, Setpoint::Position { counts: 0, speed: 1604 })]);
+        assert_eq!(robot.due(ms(10)), [(0, position(0, 1604))]);
         // No report has the new position yet when the commands end.
         assert_eq!(robot.due(ms(500)), [(1, Setpoint::Velocity(0))]);
         robot.joints(A, &commands, ms(600));
