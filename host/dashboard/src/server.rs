@@ -172,8 +172,8 @@ fn serve(
     let local = stream.local_addr()?;
     let local = SocketAddr::new(local.ip().to_canonical(), local.port());
     if full {
-        // A connection that is closed with an unread request loses its answer.
-        let _ = stream.read(&mut [0; LONGEST_HEAD])?;
+        // A connection that is closed with an unread request loses its answer. A request may also arrive late or never.
+        let _ = stream.read(&mut [0; LONGEST_HEAD]);
         return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }
     let request = match http::read_head(&mut stream, Instant::now() + ADMISSION) {

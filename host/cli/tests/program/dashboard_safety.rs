@@ -168,6 +168,19 @@ fn a_page_that_connects_while_it_is_hidden_loses_control_too() {
 }
 
 #[test]
+fn a_hidden_page_has_acknowledged_its_newest_frame_when_its_hub_is_lost() {
+    with_page(|tab| {
+        tab.hide();
+        let lost = json!({ "kind": "line", "connected": false, "why": "", "reports": true, "stores": false, "has": null });
+        // Otherwise a hidden page acknowledges one of five frames.
+        for _ in 0..20 {
+            let missing = "dashboard.link.newest - dashboard.link.acknowledged";
+            assert_eq!(tab.ask(&format!("dashboard.link.take(JSON.stringify({lost})), {missing}")), 0);
+        }
+    });
+}
+
+#[test]
 fn a_gamepad_drives_while_its_button_is_held_and_not_in_a_hidden_page() {
     with_page(|tab| {
         tab.ask(

@@ -62,7 +62,15 @@ export function firmwareForm(link) {
   /** @type {{signature: File|null, key: File|null}} the files that sign the next image */
   const seal = { signature: null, key: null };
 
+  /** Ends a transfer that the server does not continue. */
+  function end(/** @type {string} */ words) {
+    running = false;
+    setText(says, words);
+    allow();
+  }
   async function send(/** @type {File} */ chosen) {
+    running = true;
+    allow();
     try {
       const file = new Uint8Array(await chosen.arrayBuffer());
       const bytes = flashOf(file);
@@ -78,7 +86,7 @@ export function firmwareForm(link) {
       for (let offset = 0; offset < bytes.length; offset += PART) link.order("firmware", { offset, hex: hexOf(bytes.subarray(offset, offset + PART)) });
       link.order("update", { version, seal: sealed });
     } catch (error) {
-      setText(says, `${chosen.name}: ${/** @type {Error} */ (error).message}.`);
+      end(`${chosen.name}: ${/** @type {Error} */ (error).message}.`);
     }
   }
   const [image, imageField] = chooser("Send new firmware", "firmware-file", send);
@@ -104,11 +112,9 @@ export function firmwareForm(link) {
     allow();
   });
   // An answer does not name its order. While a file is sent, a refusal is taken for one of the file.
-  on("refused", ({ why }) => { if (says.textContent?.endsWith("…")) setText(says, `The firmware is refused: ${why}.`); });
+  on("refused", ({ why }) => { if (says.textContent?.endsWith("…")) end(`The firmware is refused: ${why}.`); });
   on("open", () => {
-    if (state.open || !running) return;
-    running = false;
-    setText(says, "The connection to the program was lost. Once it is back, the version under This hub says whether the update is done.");
+    if (!state.open && running) end("The connection to the program was lost. Once it is back, the version under This hub says whether the update is done.");
   });
   onControl(allow);
   return h("div", { class: "stack" },
