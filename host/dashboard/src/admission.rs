@@ -6,6 +6,7 @@
 //! socket must be this server's own page. Page and socket need the token, which only readers of the printed URL know.
 //! The other files are not secret and need no token.
 
+use crate::assets;
 use std::borrow::Cow;
 use std::fmt;
 use std::net::SocketAddr;
@@ -72,10 +73,8 @@ impl fmt::Display for PublicUrl {
 /// The resource that an admitted request asks for.
 #[derive(Debug)]
 pub(crate) enum Wanted {
-    /// The page itself.
-    Page,
-    /// A file of the page, which is not secret.
-    Asset(String),
+    /// The page itself or one of its files: media type and contents.
+    File(&'static str, &'static [u8]),
     /// The socket, with the answer to its handshake.
     Socket(Response),
 }
@@ -83,6 +82,24 @@ pub(crate) enum Wanted {
 /// Why a request is refused.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Refusal {
+    /// The server has as many connections as it admits.
+    #[error("too many connections: close other pages")]
+    Busy,
+    /// The connection ended or timed out before the end of the head.
+    #[error("the request is incomplete")]
+    CutShort,
+    /// The head has more than [`LONGEST_HEAD`](crate::http::LONGEST_HEAD) bytes, or too many headers.
+    #[error("the request is too long")]
+    TooLong,
+    /// The method is not GET.
+    #[error("only GET requests are allowed")]
+    Method,
+    /// The head is not HTTP.
+    #[error("the request is not HTTP")]
+    Malformed,
+    /// The page has no such file.
+    #[error("no such file")]
+    NotFound,
     /// The Host header is missing or repeated, or names neither this server's address nor the public URL's host.
     #[error(
         "this server is http://{own}, but the browser asked for `{given}`. Open the URL that `motor-hub dashboard` printed. \
@@ -110,6 +127,11 @@ impl Refusal {
     /// HTTP status of the answer.
     pub(crate) const fn status(&self) -> &'static str {
         match self {
+            Self::Busy => "503 Service Unavailable",
+            Self::CutShort | Self::Malformed => "400 Bad Request",
+            Self::TooLong => "431 Request Header Fields Too Large",
+            Self::Method => "405 Method Not Allowed",
+            Self::NotFound => "404 Not Found",
             Self::Host { .. } => "421 Misdirected Request",
             Self::Origin | Self::Token => "403 Forbidden",
             Self::Handshake => "426 Upgrade Required",
@@ -160,9 +182,10 @@ impl Admission {
         }
         if path == "/" {
             self.check(query)?;
-            return Ok(Wanted::Page);
+            return Ok(Wanted::File("text/html; charset=utf-8", assets::PAGE.as_bytes()));
         }
-        Ok(Wanted::Asset(path.to_owned()))
+        let asset = assets::find(path).ok_or(Refusal::NotFound)?;
+        Ok(Wanted::File(asset.kind(), asset.bytes))
     }
 
     /// Returns the Origin of this server's own page. The request's Host header chooses between the server's address and

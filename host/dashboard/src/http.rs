@@ -1,6 +1,7 @@
 //! Reads requests and writes answers: the part of HTTP/1.1 that a browser needs for a page and a socket. The connection
 //! is closed after each answer. [`tungstenite`] parses requests, and makes the answers to handshakes of sockets.
 
+use crate::admission::Refusal;
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::Instant;
 use tungstenite::error::{CapacityError, ProtocolError};
@@ -21,57 +22,29 @@ Cross-Origin-Opener-Policy: same-origin\r\n\
 Cache-Control: no-store\r\n\
 Connection: close\r\n";
 
-/// Why a request could not be read.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum HeadError {
-    /// The connection ended or timed out before the end of the head.
-    #[error("the request is incomplete")]
-    CutShort,
-    /// The head has more than [`LONGEST_HEAD`] bytes, or too many headers.
-    #[error("the request is too long")]
-    TooLong,
-    /// The method is not GET.
-    #[error("only GET requests are allowed")]
-    Method,
-    /// The head is not HTTP.
-    #[error("the request is not HTTP")]
-    Malformed,
-}
-
-impl HeadError {
-    /// HTTP status of the answer.
-    pub(crate) const fn status(&self) -> &'static str {
-        match self {
-            Self::CutShort | Self::Malformed => "400 Bad Request",
-            Self::TooLong => "431 Request Header Fields Too Large",
-            Self::Method => "405 Method Not Allowed",
-        }
-    }
-}
-
 /// Reads the head of a request, which must be complete at the time `by`.
-pub(crate) fn read_head(stream: &mut impl Read, by: Instant) -> Result<Request, HeadError> {
+pub(crate) fn read_head(stream: &mut impl Read, by: Instant) -> Result<Request, Refusal> {
     let mut bytes = Vec::new();
     let mut one = [0; 1];
     // Bytes are read one by one, because bytes after the head belong to the socket.
     while !bytes.ends_with(b"\r\n\r\n") {
         if bytes.len() >= LONGEST_HEAD {
-            return Err(HeadError::TooLong);
+            return Err(Refusal::TooLong);
         }
         let read = stream.read(&mut one);
         match read {
-            _ if Instant::now() >= by => return Err(HeadError::CutShort),
+            _ if Instant::now() >= by => return Err(Refusal::CutShort),
             Ok(1..) => bytes.extend(one),
             // The stream's own time-out is much shorter than the time until `by`, so that `by` is checked often enough.
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => (),
-            _ => return Err(HeadError::CutShort),
+            _ => return Err(Refusal::CutShort),
         }
     }
     match Request::try_parse(&bytes) {
         Ok(Some((_, request))) => Ok(request),
-        Err(tungstenite::Error::Capacity(CapacityError::TooManyHeaders)) => Err(HeadError::TooLong),
-        Err(tungstenite::Error::Protocol(ProtocolError::WrongHttpMethod)) => Err(HeadError::Method),
-        _ => Err(HeadError::Malformed),
+        Err(tungstenite::Error::Capacity(CapacityError::TooManyHeaders)) => Err(Refusal::TooLong),
+        Err(tungstenite::Error::Protocol(ProtocolError::WrongHttpMethod)) => Err(Refusal::Method),
+        _ => Err(Refusal::Malformed),
     }
 }
 

@@ -1,7 +1,6 @@
 //! Listens for connections, and serves each one in its own thread.
 
-use crate::admission::{Admission, PublicUrl, Wanted};
-use crate::assets;
+use crate::admission::{Admission, PublicUrl, Refusal, Wanted};
 use crate::http::{self, LONGEST_HEAD};
 use crate::page_socket;
 use crate::place::Place;
@@ -171,32 +170,24 @@ fn serve(
     // A socket for IPv6 and IPv4 reports an IPv4 address as ::ffff:a.b.c.d. Browsers send a.b.c.d.
     let local = stream.local_addr()?;
     let local = SocketAddr::new(local.ip().to_canonical(), local.port());
-    if full {
+    let wanted = if full {
         // A connection that is closed with an unread request loses its answer. A request may also arrive late or never.
         let _ = stream.read(&mut [0; LONGEST_HEAD]);
-        return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
-    }
-    let request = match http::read_head(&mut stream, Instant::now() + ADMISSION) {
-        Ok(request) => request,
-        Err(error) => return refuse(&mut stream, error.status(), &error.to_string()),
+        Err(Refusal::Busy)
+    } else {
+        let request = http::read_head(&mut stream, Instant::now() + ADMISSION);
+        request.and_then(|request| admission.admit(&request, local))
     };
-    match admission.admit(&request, local) {
+    match wanted {
         Ok(Wanted::Socket(response)) => {
             write_response(BufWriter::new(&mut stream), &response).map_err(std::io::Error::other)?;
             page_socket::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);
             Ok(())
         }
-        Ok(Wanted::Page) => {
-            http::answer(&mut stream, "200 OK", "text/html; charset=utf-8", assets::PAGE.as_bytes())
+        Ok(Wanted::File(kind, bytes)) => http::answer(&mut stream, "200 OK", kind, bytes),
+        Err(refusal) => {
+            let why = format!("{refusal}\n");
+            http::answer(&mut stream, refusal.status(), "text/plain; charset=utf-8", why.as_bytes())
         }
-        Ok(Wanted::Asset(path)) => match assets::find(&path) {
-            Some(asset) => http::answer(&mut stream, "200 OK", asset.kind(), asset.bytes),
-            None => refuse(&mut stream, "404 Not Found", "no such file"),
-        },
-        Err(refusal) => refuse(&mut stream, refusal.status(), &refusal.to_string()),
     }
-}
-
-fn refuse(stream: &mut TcpStream, status: &str, why: &str) -> std::io::Result<()> {
-    http::answer(stream, status, "text/plain; charset=utf-8", format!("{why}\n").as_bytes())
 }
