@@ -143,6 +143,16 @@ impl Updating {
         matches!(self.stage, Stage::Restarting { .. })
     }
 
+    /// Share of the image that the hub has received, 0 to 100 percent.
+    #[must_use]
+    pub fn percent(&self) -> usize {
+        match self.stage {
+            Stage::Announcing => 0,
+            Stage::Sending(at) => 100 * at / self.image.bytes.len().max(1),
+            Stage::Checking | Stage::Restarting { .. } => 100,
+        }
+    }
+
     /// Why the update has failed, if the time-out of the present stage is over; `None` before the time-out.
     #[must_use]
     pub fn late(&self) -> Option<&'static str> {

@@ -13,8 +13,9 @@ use serde::Serialize;
 /// Largest number of hubs that are shown.
 const MAX_HUBS: usize = 4;
 
-/// Number of frames between two requests to other hubs. With three other hubs, each hub is asked every 0.3 s.
-const FRAMES_PER_QUERY: u64 = 5;
+/// Number of frames between two requests for what changes slowly: other hubs, the progress of an identification, the result
+/// of a save. With three other hubs, each hub is asked every 0.3 s.
+pub(crate) const FRAMES_PER_QUERY: u64 = 5;
 
 /// A hub of a chain, for pages.
 #[derive(Clone, Debug, PartialEq, Serialize)]

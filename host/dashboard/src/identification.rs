@@ -7,23 +7,16 @@ use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{self, Identified};
 use motor_hub::units::Acceleration;
-use motor_hub_client::clock::Instant;
 use motor_hub_client::identification::{Identifying, Progress as Step};
 use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::time::Duration;
-
-/// Interval between requests for the progress of a running identification.
-const INTERVAL: Duration = Duration::from_millis(100);
 
 /// A running identification.
 #[derive(Debug)]
 pub(crate) struct Identification {
     pub(crate) motor: u8,
     identifying: Identifying,
-    /// Time of the last request for the progress.
-    asked: Instant,
 }
 
 /// Progress or result of an identification.
@@ -52,7 +45,7 @@ impl Identification {
         let travel = within("a travel", travel.unwrap_or(most).round(), 0.0..=most, "counts")?;
         let identifying = Identifying::begin(session, motor, travel as u32)?;
         session.enable(motor, true)?;
-        Ok(Self { motor, identifying, asked: Instant::now() })
+        Ok(Self { motor, identifying })
     }
 
     /// Continues the identification. Returns the progress, or `None` if there is nothing new. A refusal of the hub ends
@@ -61,10 +54,6 @@ impl Identification {
     /// # Errors
     /// The exchange with the hub fails.
     pub(crate) fn step(&mut self, session: &mut Session) -> Result<Option<Progress>, Error> {
-        if self.asked.elapsed() < INTERVAL {
-            return Ok(None);
-        }
-        self.asked = Instant::now();
         let progress = or_refusal(self.progress(session))?;
         Ok(progress.unwrap_or_else(|why| Some(Progress::Refused { why })))
     }

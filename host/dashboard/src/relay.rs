@@ -2,7 +2,7 @@
 //! pages, and executes orders as they arrive. The server runs the relay in a thread. Without a server the relay runs in
 //! the browser of its page. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
-use crate::chain::Chain;
+use crate::chain::{Chain, FRAMES_PER_QUERY};
 use crate::devices::{Devices, analog, has, servos};
 use crate::executor::Executor;
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
@@ -14,7 +14,7 @@ use crate::place::Place;
 use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
-use crate::update::{LARGEST_IMAGE, Update, bytes_of};
+use crate::update::{self, bytes_of};
 use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
@@ -22,6 +22,7 @@ use motor_hub::store::Stored;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::hub::StoreAccess;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
+use motor_hub_client::update::{LARGEST_IMAGE, Updating};
 use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -35,9 +36,6 @@ const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Interval between attempts to connect to a lost hub.
 const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
-
-/// Interval between requests for the progress of a running save, load or reset.
-const STORE_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Interval between reads of enabled motors and set-points from a hub that has no reports.
 const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
@@ -53,15 +51,6 @@ pub enum Event {
     Ordered(u32, String),
 }
 
-/// A running save, load or reset of settings.
-#[derive(Debug)]
-struct Saving {
-    what: HubFunction,
-    access: StoreAccess,
-    /// Time of the last request for the result.
-    asked: Instant,
-}
-
 /// Owns the session with the hub, executes orders, and sends messages to all pages.
 #[derive(Debug)]
 pub struct Relay {
@@ -75,10 +64,10 @@ pub struct Relay {
     identification: Option<Identification>,
     playing: Option<Playing>,
     /// The running save, load or reset of settings; `None` if none is running.
-    saving: Option<Saving>,
+    saving: Option<(HubFunction, StoreAccess)>,
     /// Parts of new firmware that a page has sent.
     firmware: Vec<u8>,
-    update: Option<Update>,
+    update: Option<Updating>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
@@ -264,7 +253,7 @@ impl Relay {
             }
             PageRequest::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
-                Update::begin(session, image, version, seal.as_ref()).map(|update| self.update = Some(update))
+                update::begin(session, image, version, seal.as_ref()).map(|update| self.update = Some(update))
             }
             PageRequest::Address { new } => self.set_address(new),
             PageRequest::Hub { address } => self.show(address),
@@ -328,8 +317,8 @@ impl Relay {
     fn go_on_updating(&mut self) -> Result<(), Error> {
         let Some(update) = &mut self.update else { return Ok(()) };
         let progress = match &mut self.session {
-            Some(session) => update.go_on(session)?,
-            None => update.late(),
+            Some(session) => update::go_on(update, session)?,
+            None => update.late().map(|why| update::failed(update, why)),
         };
         let Some(progress) = progress else { return Ok(()) };
         let ends = progress.state != "running";
@@ -375,7 +364,7 @@ impl Relay {
     fn store(&mut self, what: HubFunction) -> Result<(), RequestError> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let access = session.begin_store(what.clone())?;
-        self.saving = Some(Saving { what, access, asked: Instant::now() });
+        self.saving = Some((what, access));
         Ok(())
     }
 
@@ -408,8 +397,10 @@ impl Relay {
         if self.pages.controller().is_none() && self.motors_run() {
             self.switch_off("motors ran, but no page was in control");
         }
-        self.identify()?;
-        self.follow_save()?;
+        if self.frame.number.is_multiple_of(FRAMES_PER_QUERY) {
+            self.identify()?;
+            self.follow_save()?;
+        }
         self.follow_chain()?;
         self.play()
     }
@@ -563,7 +554,7 @@ impl Relay {
         self.saving = None;
         // An update continues while the hub restarts, because the hub is silent during the restart.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
-            self.send_to_all(&Message::Update(update.failed(why)));
+            self.send_to_all(&Message::Update(update::failed(&update, why)));
         }
         self.send_line(gone(why.to_owned()));
     }
@@ -638,25 +629,21 @@ impl Relay {
     /// Reads the state of a running save, load or reset. Sends a notice when the access has ended, or when the hub
     /// refuses to report the state.
     fn follow_save(&mut self) -> Result<(), Error> {
-        let (Some(saving), Some(session)) = (&mut self.saving, &mut self.session) else {
+        let (Some((what, access)), Some(session)) = (&self.saving, &mut self.session) else {
             return Ok(());
         };
-        if saving.asked.elapsed() < STORE_POLL_INTERVAL {
-            return Ok(());
-        }
-        saving.asked = Instant::now();
-        let result = or_refusal(saving.access.result(session))?;
+        let result = or_refusal(access.result(session))?;
         if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let (which, verb, done) = match saving.what {
+        let (which, verb, done) = match what {
             HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
             HubFunction::Reset => {
                 ("the stored settings", "reset", "the firmware's settings are in force and stored")
             }
             _ => ("settings", "saved", "settings are saved"),
         };
-        let is_save = matches!(saving.what, HubFunction::Save);
+        let is_save = matches!(what, HubFunction::Save);
         self.saving = None;
         let failure = result.map(|report| report.as_ref().and_then(why_unsaved));
         if !is_save {

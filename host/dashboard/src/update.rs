@@ -8,8 +8,6 @@ use motor_hub_client::update::{Image, Progress as News, UpdateError, Updating, r
 use motor_hub_client::{Error, Session};
 use serde::Serialize;
 
-pub(crate) use motor_hub_client::update::LARGEST_IMAGE;
-
 /// Progress of an update, for pages.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Progress {
@@ -21,72 +19,40 @@ pub(crate) struct Progress {
     pub(crate) text: String,
 }
 
-/// A running update.
-#[derive(Debug)]
-pub(crate) struct Update {
-    updating: Updating,
-    length: usize,
-    percent: usize,
+/// Announces an image to the hub. All motors must be disabled.
+pub(crate) fn begin(
+    session: &mut Session,
+    bytes: Vec<u8>,
+    version: &str,
+    files: Option<&SignatureFiles>,
+) -> Result<Updating, RequestError> {
+    let signature = files.map(read_files).transpose()?;
+    let image = Image { bytes, version: version.to_owned(), origin: None };
+    Ok(Updating::begin(session, image, signature)?)
 }
 
-impl Update {
-    /// Announces an image to the hub. All motors must be disabled.
-    pub(crate) fn begin(
-        session: &mut Session,
-        bytes: Vec<u8>,
-        version: &str,
-        files: Option<&SignatureFiles>,
-    ) -> Result<Self, RequestError> {
-        let signature = files.map(read_files).transpose()?;
-        let length = bytes.len().max(1);
-        let image = Image { bytes, version: version.to_owned(), origin: None };
-        Ok(Self { updating: Updating::begin(session, image, signature)?, length, percent: 0 })
-    }
-
-    /// True while the hub may be silent because it restarts.
-    pub(crate) fn restarts(&self) -> bool {
-        self.updating.restarts()
-    }
-
-    /// Continues the update. Returns the progress, or `None` if there is nothing new. After `done` or `failed` the
-    /// update has ended.
-    pub(crate) fn go_on(&mut self, session: &mut Session) -> Result<Option<Progress>, Error> {
-        match or_refusal(self.updating.step(session))? {
-            Ok(news) => Ok(news.map(|news| self.progress(news))),
-            Err(why) => {
-                self.updating.abandon(session);
-                Ok(Some(self.failed(&why)))
-            }
+/// Continues an update. Returns the progress, or `None` if there is nothing new. After `done` or `failed` the update has
+/// ended.
+pub(crate) fn go_on(update: &mut Updating, session: &mut Session) -> Result<Option<Progress>, Error> {
+    let (state, text) = match or_refusal(update.step(session))? {
+        Ok(None) => return Ok(None),
+        Ok(Some(News::Sending(_))) => ("running", "The firmware is sent.".to_owned()),
+        Ok(Some(News::Checking)) => ("running", "The hub checks the firmware.".to_owned()),
+        Ok(Some(News::Restarting)) => {
+            ("running", "The hub restarts with the new firmware, which takes some 20 s.".to_owned())
         }
-    }
+        Ok(Some(News::Confirmed(version))) => ("done", format!("the hub runs {version}, confirmed")),
+        Err(why) => {
+            update.abandon(session);
+            ("failed", why)
+        }
+    };
+    Ok(Some(Progress { state, percent: update.percent(), text }))
+}
 
-    /// Makes the hub discard the image, unless the hub restarts with the image already.
-    pub(crate) fn abandon(&self, session: &mut Session) {
-        self.updating.abandon(session);
-    }
-
-    /// Returns a failure if nothing has happened for too long, else `None`.
-    pub(crate) fn late(&self) -> Option<Progress> {
-        self.updating.late().map(|why| self.failed(why))
-    }
-
-    /// Returns the progress `failed` with this reason.
-    pub(crate) fn failed(&self, why: &str) -> Progress {
-        Progress { state: "failed", percent: self.percent, text: why.to_owned() }
-    }
-
-    fn progress(&mut self, news: News) -> Progress {
-        self.percent = if let News::Sending(bytes) = news { 100 * bytes / self.length } else { 100 };
-        let (state, text) = match news {
-            News::Sending(_) => ("running", "The firmware is sent.".to_owned()),
-            News::Checking => ("running", "The hub checks the firmware.".to_owned()),
-            News::Restarting => {
-                ("running", "The hub restarts with the new firmware, which takes some 20 s.".to_owned())
-            }
-            News::Confirmed(version) => ("done", format!("the hub runs {version}, confirmed")),
-        };
-        Progress { state, percent: self.percent, text }
-    }
+/// Returns the progress `failed` with this reason.
+pub(crate) fn failed(update: &Updating, why: &str) -> Progress {
+    Progress { state: "failed", percent: update.percent(), text: why.to_owned() }
 }
 
 impl From<UpdateError> for RequestError {
