@@ -225,7 +225,7 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: f64) -> Re
         }
         RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
-            let counts = position(value)?;
+            let counts = counts("a position", value)?;
             let speed_limit = speed_limit(speed.unwrap_or(USUAL_SPEED))?;
             Setpoint::Position { counts, tolerance, speed_limit: speed_limit as i16 }
         }
@@ -256,12 +256,8 @@ fn current(
     Ok(())
 }
 
-fn position(value: f64) -> Result<i32, RequestError> {
-    Ok(within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
-}
-
-fn distance(value: f64) -> Result<i32, RequestError> {
-    Ok(within("a distance", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
+fn counts(what: &str, value: f64) -> Result<i32, RequestError> {
+    Ok(within(what, value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round() as i32)
 }
 
 fn speed_limit(value: f64) -> Result<u16, RequestError> {
@@ -387,7 +383,7 @@ fn together(
     let members = by.map(|by| by.is_some());
     let mut targets = [None; CHANNELS];
     for ((target, by), from) in targets.iter_mut().zip(by).zip(session.group_positions(members)?) {
-        *target = by.map(distance).transpose()?.map(|by| from.wrapping_add(by));
+        *target = by.map(|by| counts("a distance", by)).transpose()?.map(|by| from.wrapping_add(by));
     }
     begin_group(session, GroupCourse::Position(targets), members, speed, acceleration)
 }
