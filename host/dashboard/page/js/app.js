@@ -32,16 +32,10 @@ function setHubs(/** @type {any[]} */ hubs) {
 function onMessage(message) {
   switch (message.kind) {
     case "welcome":
-      Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
-      break;
     case "line":
-      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores, has: message.has });
-      if (!message.connected) Object.assign(state, { hubs: [], frame: null });
-      break;
     case "control":
-      state.controller = message.controller;
-      state.pages = message.pages;
-      state.asks = message.asks;
+      Object.assign(state, message);
+      if (message.connected === false) Object.assign(state, { hubs: [], frame: null });
       break;
     case "settings":
       state.settings[message.motor] = message;
@@ -59,6 +53,8 @@ function onMessage(message) {
       break;
     case "notice":
       notice(message.text);
+      // The server has disabled all motors, for example after STOP.
+      if (message.motors_disabled) emit("stopped");
       break;
     case "refused":
       notice(`Not done: ${message.why}`);

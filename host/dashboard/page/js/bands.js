@@ -1,7 +1,7 @@
 // Bands behind the control plot: the regimes of the paper at the present speed. Between S and T the motor is driven against its
 // motion, between T and Z it brakes, and between Z and G it is driven with its motion.
 
-import { typeScale } from "./dom.js";
+import { colour, typeScale } from "./dom.js";
 
 const BANDS = [["s", "t", "reverse"], ["t", "z", "braking"], ["z", "g", "forward"]];
 /** Smallest height in pixels of a band with a name. */
@@ -11,9 +11,8 @@ const NAMED = 15;
  * Fills the bands behind the lines of a plot.
  * @param {any} u a uPlot
  * @param {Record<string, (number|null)[]>} points
- * @param {(name: string) => string} colour
  */
-export function drawBands(u, points, colour) {
+export function drawBands(u, points) {
   const time = u.data[0];
   if (!time.length || !points.s) return;
   const { ctx, bbox } = u;
@@ -31,18 +30,18 @@ export function drawBands(u, points, colour) {
     fill(u, time, points[low], points[high], first, last, step);
     ctx.globalAlpha = 1;
   }
-  stroke(u, time, points.t, first, last, step, colour("reverse-edge"), [2, 3]);
-  stroke(u, time, points.z, first, last, step, colour("forward-edge"), []);
+  stroke(u, time, points.t, first, last, step, "reverse-edge", [2, 3]);
+  stroke(u, time, points.z, first, last, step, "forward-edge", []);
   ctx.restore();
 }
 
-/** Names the bands, over the lines. @param {any} u @param {Record<string, (number|null)[]>} points @param {(name: string) => string} colour */
-export function nameBands(u, points, colour) {
+/** Names the bands, over the lines. @param {any} u @param {Record<string, (number|null)[]>} points */
+export function nameBands(u, points) {
   const time = u.data[0];
   if (!time.length || !points.s) return;
   const last = Math.min(time.length - 1, lower(time, u.scales.x.max) + 1);
   u.ctx.save();
-  for (const [low, high, name] of BANDS) label(u, points[low], points[high], last, name, colour);
+  for (const [low, high, name] of BANDS) label(u, points[low], points[high], last, name);
   u.ctx.restore();
 }
 
@@ -76,10 +75,10 @@ function fill(u, time, low, high, first, last, step) {
   }
 }
 
-/** @param {any} u @param {any} time @param {any} edge @param {number} first @param {number} last @param {number} step @param {string} colour @param {number[]} dash */
-function stroke(u, time, edge, first, last, step, colour, dash) {
+/** @param {any} u @param {any} time @param {any} edge @param {number} first @param {number} last @param {number} step @param {string} name @param {number[]} dash */
+function stroke(u, time, edge, first, last, step, name, dash) {
   const { ctx } = u;
-  ctx.strokeStyle = colour;
+  ctx.strokeStyle = colour(name);
   ctx.lineWidth = 1.5 * devicePixelRatio;
   ctx.setLineDash(dash.map((length) => length * devicePixelRatio));
   ctx.beginPath();
@@ -95,8 +94,8 @@ function stroke(u, time, edge, first, last, step, colour, dash) {
   ctx.stroke();
 }
 
-/** @param {any} u @param {any} low @param {any} high @param {number} last @param {string} name @param {(name: string) => string} colour */
-function label(u, low, high, last, name, colour) {
+/** @param {any} u @param {any} low @param {any} high @param {number} last @param {string} name */
+function label(u, low, high, last, name) {
   const { ctx, bbox } = u;
   if (low[last] === null) return;
   const inside = (/** @type {number} */ value) => Math.min(bbox.top + bbox.height, Math.max(bbox.top, u.valToPos(value, "y", true)));

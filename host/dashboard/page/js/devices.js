@@ -1,7 +1,7 @@
 // Panel for what a hub has besides motors: servos, analog inputs, digital pins and I2C buses. A part is shown only if the hub has
 // its devices. The hub ends pulses and releases outputs at STOP, and when the page in control is gone.
 
-import { elementById, h, numberIn, part, setText } from "./dom.js";
+import { elementById, h, hexOf, numberIn, part, setText } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
 import { mayOrder, on, state } from "./state.js";
@@ -14,7 +14,6 @@ const SERVOS = 6;
 const LEVELS = [["input", "input, pulled up"], ["low", "output, low"], ["high", "output, high"]];
 const RELEASED = ["released", "output, released"];
 
-const hex = (/** @type {number} */ byte) => byte.toString(16).padStart(2, "0");
 const count = (/** @type {number} */ length) => Array.from({ length }, (_, index) => index);
 /** A byte as 61 or 0x3d; not a number for other texts, and above 255. */
 const byte = (/** @type {string} */ text) => (/^(0x[0-9a-f]{1,2}|\d{1,3})$/i.test(text) && Number(text) < 256 ? Number(text) : NaN);
@@ -80,8 +79,7 @@ function servos(/** @type {any} */ link) {
   });
   // A width that was not sent before a stop is forgotten.
   const forget = () => { for (const one of all) one.slider.set(one.width, one.width); };
-  on("notice", ({ motors_disabled }) => { if (motors_disabled) forget(); });
-  on("line", forget);
+  for (const what of ["stopped", "line"]) on(what, forget);
   on("servos", ({ servos }) => all.forEach((one, servo) => {
     const is = servos[servo];
     for (const element of one.row) element.hidden = !is;
@@ -172,8 +170,8 @@ function i2c(/** @type {any} */ link) {
     button("Write", () => run("write", { ...target(), bytes: bytes.value.split(/[\s,]+/).filter(Boolean).map(byte) })),
   ];
   on("transfer", (of) => {
-    const shown = of.bytes.map(hex).join(" ");
-    const words = of.what === "scan" ? (shown ? `devices at ${of.bytes.map((/** @type {number} */ at) => `0x${hex(at)}`).join(" ")}` : "no device answers") : of.what === "read" ? `read ${shown}` : `wrote ${shown}`;
+    const shown = hexOf(of.bytes, " ");
+    const words = of.what === "scan" ? (shown ? `devices at 0x${hexOf(of.bytes, " 0x")}` : "no device answers") : of.what === "read" ? `read ${shown}` : `wrote ${shown}`;
     setText(result, `Bus ${of.bus}: ${of.why ?? words}.`);
   });
   const fail = (/** @type {string} */ why) => { if (result.textContent?.endsWith("…")) setText(result, `Not done: ${why}.`); };

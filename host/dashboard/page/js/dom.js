@@ -45,6 +45,44 @@ export function numberIn(/** @type {any} */ field) {
  */
 export const part = (name, words, open, ...children) => h("details", { name, open }, h("summary", {}, words), h("div", { class: "stack" }, ...children));
 
+/** A button that asks for a file and passes the file to `take`, and the hidden field of the file. */
+export function chooser(/** @type {string} */ words, /** @type {string} */ id, /** @type {(file: File) => void} */ take, accept = "") {
+  const field = h("input", { type: "file", id, accept, hidden: true, onchange: () => {
+    const [chosen] = field.files;
+    field.value = "";
+    if (chosen) take(chosen);
+  } });
+  return [h("button", { type: "button", id: `${id}-choose`, onclick: () => field.click() }, words), field];
+}
+
+/** Lets the browser save a file. */
+export function download(/** @type {Blob} */ blob, /** @type {string} */ name) {
+  const url = URL.createObjectURL(blob);
+  h("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+/** Bytes as hexadecimal digits. */
+export const hexOf = (/** @type {Iterable<number>} */ bytes, between = "") => [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join(between);
+
+/** @type {Map<string, string>} */
+const colours = new Map();
+/** The colour of this name in the style sheet, in the present theme. */
+export function colour(/** @type {string} */ name) {
+  const root = document.documentElement;
+  const key = `${root.dataset.theme} ${name}`;
+  const known = colours.get(key) ?? getComputedStyle(root).getPropertyValue(`--${name}`).trim();
+  colours.set(key, known);
+  return known;
+}
+
+/** A sample of a line in a legend. */
+export function swatch(/** @type {{colour: string, dash?: number[]}} */ { colour: name, dash }) {
+  const span = h("span", {});
+  span.innerHTML = `<svg aria-hidden="true"><path d="M0 5H26" stroke="var(--${name})" stroke-width="2.5"${dash ? ` stroke-dasharray="${dash.join(" ")}"` : ""}/></svg>`;
+  return span.firstChild;
+}
+
 /** Matches windows with larger type, as in the style sheet. */
 export const LARGE = matchMedia("(min-width: 2600px)");
 /** Factor of the type in drawings. */

@@ -1,6 +1,6 @@
 // New firmware for a hub with a bootloader: sends a file to the server in parts, and shows the progress.
 
-import { h, setText } from "./dom.js";
+import { chooser, h, hexOf, setText } from "./dom.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 
 /** Bytes of a part. An order has at most 16 KiB. */
@@ -40,18 +40,6 @@ function versionOf(/** @type {Uint8Array} */ bytes) {
   const end = text.indexOf("\0", at);
   if (at < 0 || end < 0 || end - at > LONGEST) throw new Error("it is no motor-hub firmware: it has no version text");
   return text.slice(at, end);
-}
-
-const hexOf = (/** @type {Uint8Array} */ bytes) => [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-
-/** A button that asks for a file, and calls `take` with it. */
-function chooser(/** @type {string} */ words, /** @type {string} */ id, /** @type {(file: File) => void} */ take) {
-  const field = h("input", { type: "file", id, hidden: true, onchange: () => {
-    const [chosen] = field.files;
-    field.value = "";
-    if (chosen) take(chosen);
-  } });
-  return [h("button", { type: "button", id: `${id}-choose`, onclick: () => field.click() }, words), field];
 }
 
 /** @param {any} link */

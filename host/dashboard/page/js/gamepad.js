@@ -48,10 +48,7 @@ export function startGamepad(link) {
     [sent, speed] = [performance.now(), wanted];
     link.order("drive", { motor: driven, mode: "velocity", value: wanted, enable: begins });
   }
-  on("notice", ({ motors_disabled }) => {
-    if (!motors_disabled) return;
-    [driven, stopped] = [null, true];
-  });
+  on("stopped", () => { [driven, stopped] = [null, true]; });
   // The browser does not call `look` in a hidden page, so a hidden page must disable the motor by this listener.
   onLeave(leave);
   look();

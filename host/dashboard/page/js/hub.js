@@ -1,6 +1,6 @@
 // Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page.
 
-import { elementById, h, numberIn, part, setText } from "./dom.js";
+import { chooser, download, elementById, h, hexOf, numberIn, part, setText } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
@@ -28,19 +28,14 @@ export function hubPanel(link) {
   const fetchStored = h("button", { type: "button", id: "hub-load", onclick: () => link.order("load") }, "Load saved");
   const reset = h("button", { type: "button", id: "hub-reset", onclick: () => link.order("reset") }, "Reset to defaults");
   const take = h("button", { type: "button", onclick: () => link.order("export") }, "Export to a file");
-  const file = h("input", { type: "file", accept: ".toml,text/plain", id: "settings-file", hidden: true, onchange: async () => {
-    const [chosen] = file.files;
-    file.value = "";
-    if (chosen) link.order("import", { text: await chosen.text() });
-  } });
-  const give = h("button", { type: "button", onclick: () => file.click() }, "Import a file");
+  const [give, file] = chooser("Import a file", "settings-file", async (chosen) => link.order("import", { text: await chosen.text() }), ".toml,text/plain");
 
   const ask = () => { if (state.open && state.connected && !elementById("panel-hub").hidden) link.order("status"); };
   on("status", ({ address: hub, version, led, stored, differs }) => {
     const rows = [["version", version], ["address", String(hub)], ["saved settings", stored === null ? "this hub saves none" : `${stored}${differs ? "; they differ from the settings in force" : ""}`]];
     about.replaceChildren(...rows.map(([name, value]) => h("tr", {}, h("th", {}, name), h("td", {}, value))));
     if (document.activeElement !== address) address.value = String(hub);
-    if (document.activeElement !== lamp) lamp.value = `#${led.map((/** @type {number} */ part) => part.toString(16).padStart(2, "0")).join("")}`;
+    if (document.activeElement !== lamp) lamp.value = `#${hexOf(led)}`;
   });
   for (const what of ["tab", "line", "settings", "notice"]) on(what, ask);
 
@@ -50,11 +45,7 @@ export function hubPanel(link) {
       ...of.explanation.map((/** @type {string} */ words) => h("p", {}, words)))));
     if (!entries.length) setText(faults, "No faults or resets are recorded.");
   });
-  on("file", ({ name, text }) => {
-    const url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
-    h("a", { href: url, download: name }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 1000);
-  });
+  on("file", ({ name, text }) => download(new Blob([text], { type: "text/plain" }), name));
   function allow() {
     for (const button of [look, take]) button.disabled = !(state.open && state.connected && state.reports);
     give.disabled = !(mayOrder() && state.reports);

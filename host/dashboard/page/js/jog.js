@@ -51,8 +51,7 @@ export function jogForm(link) {
     }, words);
   });
   onLeave(leave);
-  // A notice with `motors_disabled` says that the server has disabled all motors, for example after STOP.
-  on("notice", ({ motors_disabled }) => { if (motors_disabled) driven = []; });
+  on("stopped", () => { driven = []; });
 
   function show() {
     const { digits, shown, unit: words } = of();

@@ -94,7 +94,7 @@ export function learnPanel(link) {
     progress.value = 0;
     setText(says, words);
   }
-  on("notice", ({ motors_disabled }) => { if (motors_disabled) stopped("The identification was stopped."); });
+  on("stopped", () => stopped("The identification was stopped."));
   // The server sends a message about the line only when the hub is lost, is found again, or is another one.
   for (const what of ["line", "open"]) on(what, () => stopped("The connection was lost: the identification was stopped."));
 
@@ -104,8 +104,7 @@ export function learnPanel(link) {
     apply.disabled = !inControl() || !is;
     found.replaceChildren();
     setText(about, "");
-    if (!of) return plot.show([[0, 3], [null, null], [null, null]]);
-    setText(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
+    if (of) setText(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
     if (!is) return plot.show([[0, 3], [null, null], [null, null]]);
     const bare = is.catalogue;
     const rows = [

@@ -259,12 +259,10 @@ export function startMotors(/** @type {any} */ to) {
   on("unit", () => cards.forEach(fit));
   on("zeroed", (motor) => rest(cards[motor]));
   // After a STOP no value counts that was entered before.
-  on("notice", ({ motors_disabled }) => {
-    if (motors_disabled) for (const card of cards) {
-      rest(card);
-      showTarget(card, true);
-    }
-  });
+  on("stopped", () => cards.forEach((card) => {
+    rest(card);
+    showTarget(card, true);
+  }));
   // The server sends this message also when it shows another hub.
   on("line", () => cards.forEach(rest));
   for (const what of ["hubs", "line"]) on(what, () => cards.forEach((card) => setText(card.title, motorName(card.motor))));

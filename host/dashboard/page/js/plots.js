@@ -2,7 +2,7 @@
 // the plots while the hub continues. Which curves are shown is chosen, and kept for the next visit.
 
 import { drawBands, nameBands } from "./bands.js";
-import { elementById, h, LARGE, setText, typeScale } from "./dom.js";
+import { colour, elementById, h, LARGE, setText, swatch, typeScale } from "./dom.js";
 import { select } from "./list.js";
 import { store, stored, motorName, on, state } from "./state.js";
 import { fromCps, number, speedUnit, tickText } from "./units.js";
@@ -46,13 +46,6 @@ function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {numb
   if (low === null || high === null) return [-least, least];
   const room = Math.max(least, 0.12 * (high - low));
   return [low - room, high + room];
-}
-
-let colours = new Map();
-function colour(/** @type {string} */ name) {
-  let known = colours.get(name);
-  if (!known) colours.set(name, (known = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()));
-  return known;
 }
 
 /** @type {Map<string, {plot: any, values: any[], spans: any[], host: any, legend: any}>} */
@@ -106,18 +99,6 @@ const lineShown = (/** @type {string} */ name, /** @type {Line} */ line) => (lin
 /** The lowest visible plot, which shows the time axis. */
 const lowest = () => Object.keys(PLOTS).filter(plotShown).at(-1);
 
-function swatch(/** @type {Line} */ line) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-  path.setAttribute("d", "M0 5H26");
-  path.setAttribute("stroke", `var(--${line.colour})`);
-  path.setAttribute("stroke-width", "2.5");
-  if (line.dash) path.setAttribute("stroke-dasharray", line.dash.join(" "));
-  svg.setAttribute("aria-hidden", "true");
-  svg.append(path);
-  return svg;
-}
-
 function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, lines, range }) {
   const values = lines.map(() => h("b", {}, "–"));
   const spans = lines.map((line, index) => h("span", {}, swatch(line), `${line.words} `, values[index]));
@@ -135,9 +116,9 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
     axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60 * scale, size: () => (name === lowest() ? 34 * scale : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62 * scale, space: 26 * scale, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickText) }],
     series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false, show: lineShown(name, line) }))],
     hooks: {
-      drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
+      drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns())] : [],
       draw: [(/** @type {any} */ u) => {
-        if (name === "control") nameBands(u, columns(), colour);
+        if (name === "control") nameBands(u, columns());
         if (whole) drawMarks(u, columns().marks ?? []);
       }],
       setSelect: [(/** @type {any} */ u) => zoom(u)],
@@ -342,7 +323,7 @@ export function startPlots() {
   });
   for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
   on("hubs", titles);
-  on("theme", () => { colours = new Map(); draw(); });
+  on("theme", draw);
   on("line", () => { elementById("unreported").hidden = state.reports; });
   on("frame", (frame) => setText(elementById("bus"), frame.bus ? `Supply: ${frame.bus}${frame.dissipated_share ? `, ${number(100 * frame.dissipated_share)} %` : ""}` : ""));
   setInterval(describe, DESCRIBE_MS);

@@ -1,6 +1,6 @@
 // Panel for recordings: saves values as CSV or MCAP, and shows saved CSV files whole, with their events.
 
-import { elementById, h, setText } from "./dom.js";
+import { chooser, download, elementById, h, setText } from "./dom.js";
 import { GAP_S, OF_MOTOR } from "./history.js";
 import { mcap } from "./mcap.js";
 import { show } from "./plots.js";
@@ -79,11 +79,8 @@ export function parse(/** @type {string} */ text) {
   return motors;
 }
 
-function download(/** @type {Blob} */ blob, /** @type {number} */ begun, /** @type {string} */ ending) {
-  const url = URL.createObjectURL(blob);
-  h("a", { href: url, download: `motor-hub-${new Date(begun).toISOString().slice(0, 19).replaceAll(":", "")}.${ending}` }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 1000);
-}
+/** Name of a recording's file. */
+const nameOf = (/** @type {number} */ begun, /** @type {string} */ ending) => `motor-hub-${new Date(begun).toISOString().slice(0, 19).replaceAll(":", "")}.${ending}`;
 
 export function recordPanel() {
   /** @type {Blob[]} */
@@ -110,22 +107,16 @@ export function recordPanel() {
     emit();
     setText(says, recording ? "Recording." : frames ? `${seconds()} s of all motors are recorded.` : "No recording yet.");
   }
-  const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), begun, "csv") }, "Save as CSV");
-  const pack = h("button", { type: "button", disabled: true, onclick: async () => {
-    download(await mcap(pieces(), begun), begun, "mcap");
-  } }, "Save as MCAP");
-  const file = h("input", { type: "file", accept: ".csv,text/csv", id: "record-file", hidden: true, onchange: async () => {
-    const [chosen] = file.files;
-    file.value = "";
-    if (!chosen) return;
+  const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), nameOf(begun, "csv")) }, "Save as CSV");
+  const pack = h("button", { type: "button", disabled: true, onclick: async () => download(await mcap(pieces(), begun), nameOf(begun, "mcap")) }, "Save as MCAP");
+  const [load, file] = chooser("Show a recording", "record-file", async (chosen) => {
     try {
       show(parse(await chosen.text()));
       setText(says, `${chosen.name} is shown in the plots; Resume live shows the hub again.`);
     } catch (error) {
       setText(says, `${chosen.name}: ${/** @type {Error} */ (error).message}`);
     }
-  } });
-  const load = h("button", { type: "button", onclick: () => file.click() }, "Show a recording");
+  }, ".csv,text/csv");
   const seconds = () => (frames / FRAMES_PER_S).toFixed(0);
   function emit() {
     save.disabled = pack.disabled = !frames;

@@ -1,6 +1,6 @@
 // A small plot: lines over a fixed time.
 
-import { h, LARGE, typeScale } from "./dom.js";
+import { colour, h, LARGE, swatch, typeScale } from "./dom.js";
 import { on } from "./state.js";
 import { number, tickText } from "./units.js";
 
@@ -13,11 +13,7 @@ export class SmallPlot {
     this.label = label;
     this.height = height;
     this.host = h("div", { class: "chart", role: "img", "aria-label": label });
-    const names = lines.map(({ words, colour, dash }) => {
-      const span = h("span", {});
-      span.innerHTML = `<svg aria-hidden="true"><path d="M0 5H26" stroke="var(--${colour})" stroke-width="2.5"${dash ? ` stroke-dasharray="${dash.join(" ")}"` : ""}/></svg>${words}`;
-      return span;
-    });
+    const names = lines.map((line) => h("span", {}, swatch(line), line.words));
     this.element = h("div", {}, h("div", { class: "legend" }, h("h3", {}, label), ...names), this.host);
     this.data = [[0, 1], ...lines.map(() => [null, null])];
     new ResizeObserver(() => this.draw()).observe(this.host);
@@ -41,7 +37,6 @@ export class SmallPlot {
   draw() {
     const width = this.host.clientWidth;
     if (width < 50) return;
-    const colour = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
     const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: `${12 * typeScale()}px system-ui, sans-serif` };
     this.plot ??= new uPlot({
       width, height: this.height, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
