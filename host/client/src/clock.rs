@@ -42,12 +42,6 @@ mod browser {
         pub fn saturating_duration_since(self, earlier: Self) -> Duration {
             self.0.saturating_sub(earlier.0)
         }
-
-        /// Equals [`saturating_duration_since`](Self::saturating_duration_since).
-        #[must_use]
-        pub fn duration_since(self, earlier: Self) -> Duration {
-            self.saturating_duration_since(earlier)
-        }
     }
 
     impl Add<Duration> for Instant {

@@ -388,7 +388,7 @@ impl Relay {
             return Ok(());
         }
         let now = Instant::now();
-        self.frame.at_s = now.duration_since(self.since).as_secs_f64();
+        self.frame.at_s = now.saturating_duration_since(self.since).as_secs_f64();
         self.frame.number += 1;
         self.pages.sent(self.frame.number, now);
         let text = Message::Frame(self.frame.clone()).text();
