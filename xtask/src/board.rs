@@ -7,8 +7,6 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Board {
     /// Name of the board's package and image.
     pub(crate) name: &'static str,
-    /// Rust target of the chip's core.
-    pub(crate) target: &'static str,
     /// Name of the chip in probe-rs.
     pub(crate) chip: &'static str,
     /// Limit of the flash that the image takes (text and data), in bytes.
@@ -21,38 +19,22 @@ pub(crate) struct Board {
 pub(crate) const ALL: [Board; 4] = [
     Board {
         name: "nucleo-f429zi",
-        target: "thumbv7em-none-eabihf",
         chip: "STM32F429ZITx",
         // The linker script gives the image 1 MB of the flash. The store of settings takes 29 kB of the image.
         flash: 208 * 1024,
         ram: 48 * 1024,
     },
-    Board {
-        name: "nucleo-h743zi2",
-        target: "thumbv7em-none-eabihf",
-        chip: "STM32H743ZITx",
-        flash: 208 * 1024,
-        ram: 48 * 1024,
-    },
-    Board {
-        name: "nucleo-g474re",
-        target: "thumbv7em-none-eabihf",
-        chip: "STM32G474RETx",
-        flash: 192 * 1024,
-        ram: 48 * 1024,
-    },
+    Board { name: "nucleo-h743zi2", chip: "STM32H743ZITx", flash: 208 * 1024, ram: 48 * 1024 },
+    Board { name: "nucleo-g474re", chip: "STM32G474RETx", flash: 192 * 1024, ram: 48 * 1024 },
     // The bootloader of the nucleo-h743zi2.
-    Board {
-        name: "boot-h743zi2",
-        target: "thumbv7em-none-eabihf",
-        chip: "STM32H743ZITx",
-        flash: 16 * 1024,
-        ram: 1024,
-    },
+    Board { name: "boot-h743zi2", chip: "STM32H743ZITx", flash: 16 * 1024, ram: 1024 },
 ];
 
-/// Programs that count instructions on the emulated core: package and target.
-pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf")];
+/// Rust target of all boards: a Cortex-M4F or M7.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The program that counts instructions on the emulated core.
+pub(crate) const BENCH: &str = "budget";
 
 /// The package of drivers that boards share. It can be built only together with a board.
 pub(crate) const DRIVERS: &str = "motor-hub-stm32";
@@ -80,8 +62,8 @@ pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
 impl Board {
     /// Builds the image, and returns its ELF file.
     pub(crate) fn build(&self) -> Result<PathBuf, Failed> {
-        cargo(&["build", "--package", self.name, "--target", self.target, "--profile", "firmware"])?;
-        Ok(target_folder().join(self.target).join("firmware").join(self.name))
+        cargo(&["build", "--package", self.name, "--target", TARGET, "--profile", "firmware"])?;
+        Ok(target_folder().join(TARGET).join("firmware").join(self.name))
     }
 
     /// Converts an ELF file to the raw bytes for the USB drive of a NUCLEO, and returns their file.

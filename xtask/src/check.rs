@@ -1,6 +1,6 @@
 //! `cargo xtask check`: checks of the sources that run no program of the project.
 
-use crate::board::{ALL, BENCHES, DRIVERS};
+use crate::board::{ALL, BENCH, DRIVERS, TARGET};
 use crate::tool::{Failed, cargo, cargo_command, command, none, run};
 use crate::try_page;
 
@@ -11,9 +11,9 @@ const DENY: [&str; 3] = ["--", "-D", "warnings"];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
-    let chips = || ALL.iter().map(|board| (board.name, board.target)).chain(BENCHES);
+    let chips = || ALL.iter().map(|board| board.name).chain([BENCH]);
     // One cargo command can build neither for two chips, nor for a chip and this computer.
-    let not_host = chips().map(|(name, _)| name).chain([DRIVERS, try_page::PACKAGE]);
+    let not_host = chips().chain([DRIVERS, try_page::PACKAGE]);
     let host: Vec<&str> =
         ["--workspace"].into_iter().chain(not_host.flat_map(|name| ["--exclude", name])).collect();
 
@@ -33,14 +33,10 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         cargo(&[&library[..], &["--target", core], &DENY].concat())?;
     }
     // The lints of a board include those of the drivers that it uses.
-    for (package, target) in chips() {
-        cargo(&[&["clippy"], &for_chip(package, target)[..], &DENY].concat())?;
+    for package in chips() {
+        let image = ["clippy", "--package", package, "--target", TARGET, "--profile", "firmware"];
+        cargo(&[&image[..], &DENY].concat())?;
     }
     let documents = [&["doc", "--no-deps", "--document-private-items"], &host[..]].concat();
     run(cargo_command(&documents).env("RUSTDOCFLAGS", "-D warnings"))
-}
-
-/// Returns the arguments of cargo that select a package, its target and the profile of images.
-const fn for_chip<'a>(package: &'a str, target: &'a str) -> [&'a str; 6] {
-    ["--package", package, "--target", target, "--profile", "firmware"]
 }

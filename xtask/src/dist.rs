@@ -86,7 +86,7 @@ fn checksums(folder: &Path) -> Result<String, Failed> {
 fn third_party() -> Result<String, Failed> {
     let mut packages = tree(&["--package", "motor-hub-cli", "--package", "motor-hub-python"])?;
     for board in &board::ALL {
-        packages.extend(tree(&["--package", board.name, "--target", board.target])?);
+        packages.extend(tree(&["--package", board.name, "--target", board::TARGET])?);
     }
     let mut text = String::from(
         "# Licences of the packages that this release is made of\n\n\
