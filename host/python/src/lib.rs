@@ -69,12 +69,7 @@ impl FromPyObject<'_, '_> for Whole {
     type Error = PyErr;
 
     fn extract(number: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
-        match number.extract::<i64>() {
-            Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
-                Ok(Self(if number.lt(0)? { i64::MIN } else { i64::MAX }))
-            }
-            value => value.map(Self),
-        }
+        limited(number.extract(), number, [i64::MIN, i64::MAX]).map(Self)
     }
 }
 
@@ -86,12 +81,17 @@ impl FromPyObject<'_, '_> for Real {
     type Error = PyErr;
 
     fn extract(number: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
-        match number.extract::<f64>() {
-            Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
-                Ok(Self(if number.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
-            }
-            value => value.map(Self),
+        limited(number.extract(), number, [f64::NEG_INFINITY, f64::INFINITY]).map(Self)
+    }
+}
+
+/// Returns the value of a number from Python. If the type cannot hold the number, the value is one of these ends.
+fn limited<T>(value: PyResult<T>, number: Borrowed<'_, '_, PyAny>, [least, most]: [T; 2]) -> PyResult<T> {
+    match value {
+        Err(error) if error.is_instance_of::<PyOverflowError>(number.py()) => {
+            Ok(if number.lt(0)? { least } else { most })
         }
+        value => value,
     }
 }
 
