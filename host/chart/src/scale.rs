@@ -73,25 +73,3 @@ fn round_step(least: f64) -> f64 {
     let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= least * 0.999).unwrap_or(10.0);
     factor * power
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn labels(scale: Scale) -> Vec<String> {
-        scale.ticks().into_iter().map(|tick| tick.label).collect()
-    }
-
-    #[test]
-    fn marks_are_round_and_inside() {
-        assert_eq!(labels(Scale::exact((-0.3, 10.0), (0.0, 100.0), 5)), ["0", "5", "10"]);
-        let fine = Scale::exact((-0.07, 0.06), (0.0, 100.0), 3);
-        assert_eq!(labels(fine), ["\u{2212}0.05", "0.00", "0.05"]);
-    }
-
-    #[test]
-    fn rounding_keeps_the_data_inside_and_adds_no_empty_step() {
-        assert_eq!(Scale::rounded((0.0, 10.0), (0.0, 1.0), 5).range(), (0.0, 10.0));
-        assert_eq!(Scale::rounded((-3.0, 9.1), (0.0, 1.0), 5).range(), (-5.0, 10.0));
-    }
-}

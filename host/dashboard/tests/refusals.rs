@@ -45,6 +45,15 @@ fn page_of(hubs: Vec<Hub>) -> Page {
     Page::new(Place::real("hubs in memory", open))
 }
 
+/// A page of a hub that listens at a TCP port, so that a lost hub can be connected again. `address` is that of the hub;
+/// `None` for the parent.
+fn page_of_server(hub: Hub, address: Option<Address>) -> (Server, Page) {
+    let server = Server::start(hub);
+    let place = server.address.clone();
+    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
+    (server, Page::new(Place::real("a hub", open).at(address)))
+}
+
 /// Refuses requests for settings of a motor.
 fn without_settings(packet: &Packet) -> Option<Reply> {
     Group::ALL.iter().any(|group| group.get_id() == packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
@@ -120,10 +129,7 @@ fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
         hub.snapshot.at = Micros::new(1_000 * ms);
         hub
     };
-    let server = Server::start(running_for(60_000));
-    let place = server.address.clone();
-    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    let mut page = Page::new(Place::real("a hub", open));
+    let (server, mut page) = page_of_server(running_for(60_000), None);
     page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
     page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
     page.frame();
@@ -354,10 +360,7 @@ fn an_order_to_a_child_that_does_not_answer_shows_the_parent() {
 
 #[test]
 fn a_hub_that_was_lost_has_no_motor_enabled() {
-    let server = Server::start(Hub::new());
-    let place = server.address.clone();
-    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    let mut page = Page::new(Place::real("a hub", open));
+    let (server, mut page) = page_of_server(Hub::new(), None);
     run_motor_0(&mut page);
     // The hub loses all three transmissions of one request.
     server.hub().deaf_for = 3;
@@ -374,10 +377,7 @@ fn a_hub_that_was_lost_has_no_motor_enabled() {
 fn a_hub_that_was_chosen_by_its_address_is_found_again_at_its_new_address() {
     let hub = Hub::new();
     let former = hub.responder.address();
-    let server = Server::start(hub);
-    let place = server.address.clone();
-    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    let mut page = Page::new(Place::real("a hub", open).at(Some(former)));
+    let (server, mut page) = page_of_server(hub, Some(former));
     page.order(&json!({ "address": { "new": 7 } }));
     page.until("a new address", |message| {
         message["text"].as_str().is_some_and(|text| text.starts_with("the hub has address 7"))
@@ -450,16 +450,14 @@ fn firmware_with_half_a_byte_is_refused() {
 
 #[test]
 fn a_dashboard_that_ends_while_the_hub_checks_new_firmware_leaves_no_armed_image() {
-    let server = Server::start(Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() });
-    let place = server.address.clone();
-    let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    let mut page = Page::new(Place::real("a hub", open.clone()));
+    let hub = Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() };
+    let (server, mut page) = page_of_server(hub, None);
     // Stack pointer and reset vector.
     page.order(&json!({ "firmware": { "offset": 0, "hex": "0000022099010208" } }));
     page.order(&json!({ "update": { "version": "new" } }));
     page.until("a check", |message| message["text"] == "The hub checks the firmware.");
     page.end();
-    let report = open(None).unwrap().session.update_state().unwrap();
+    let report = Session::open(&server.address).unwrap().update_state().unwrap();
     assert_eq!((report.phase, report.received), (Phase::Nothing, 8));
 }
 

@@ -94,16 +94,7 @@ class Commands(WithHub):
         # A motor follows the target of its mode when its constant current ends.
         self.assertEqual((motor["mode"], motor["power"]), ("power", 0))
 
-    async def test_an_encoder_is_reset_to_zero(self) -> None:
-        with self.hub.enabled(0):
-            await self.hub[0].velocity(800)
-            await asyncio.sleep(0.5)
-        await asyncio.sleep(1.0)
-        self.assertGreater((await self.hub[0].read()).position, 100)
-        await self.hub[0].reset_encoder()
-        self.assertAlmostEqual((await self.hub[0].read()).position, 0, delta=1)
-
-    async def test_an_encoder_is_not_reset_while_its_motor_has_a_target_position(self) -> None:
+    async def test_an_encoder_is_reset_to_zero_unless_its_motor_has_a_target_position(self) -> None:
         with self.hub.enabled(0):
             for motion in [self.hub[0].position(600), self.hub.together({0: 300})]:
                 await motion
@@ -111,6 +102,7 @@ class Commands(WithHub):
                     await self.hub[0].reset_encoder()
             await self.hub[0].power(0)
             await asyncio.sleep(0.5)
+            self.assertGreater((await self.hub[0].read()).position, 100)
             await self.hub[0].reset_encoder()
             await asyncio.sleep(0.5)
             self.assertAlmostEqual((await self.hub[0].read()).position, 0, delta=5)
@@ -337,13 +329,8 @@ class Recordings(WithHub):
         self.assertEqual(set(columns["motor"]), {0})
         self.assertIn(800.0, columns["setpoint_value"])
 
-    async def test_an_interval_of_zero_is_an_error(self) -> None:
-        with self.assertRaisesRegex(ValueError, "every is 0; allowed is more than 0 s"):
-            async with self.hub.recording(every=0):
-                pass
-
-    async def test_an_interval_that_is_no_number_or_infinite_is_an_error(self) -> None:
-        for every in (float("nan"), float("inf"), 10**400):
+    async def test_an_interval_out_of_range_is_an_error(self) -> None:
+        for every in (0, float("nan"), float("inf"), 10**400):
             with self.assertRaisesRegex(ValueError, f"every is {every}; allowed is more than 0 s, up to 1000000 s"):
                 async with self.hub.recording(every=every):
                     self.fail("the block must not run")
@@ -351,7 +338,10 @@ class Recordings(WithHub):
 
 class BadInput(WithHub):
     async def test_numbers_out_of_range_are_errors_that_name_the_range(self) -> None:
-        with self.hub.enabled(0):
+        # A number may exceed 64 bits.
+        more, less = "9223372036854775807 or more", "-9223372036854775808 or less"
+        base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
+        with self.hub.enabled(0, 1):
             motor = self.hub[0]
             for command, text in [
                 (motor.velocity(40_000), "velocity is 40000; allowed are -32768 to 32767 counts/s"),
@@ -362,17 +352,6 @@ class BadInput(WithHub):
                 (motor.current(0.1, speed=40_000), "speed is 40000; allowed are 1 to 32767 counts/s"),
                 (motor.current(2000.0, speed=100), "a current of 2000 A is out of range; allowed is -65.535 to 65.535 A"),
                 (motor.identify(travel=0), "travel is 0; allowed are 1 to 4294967295 counts"),
-            ]:
-                with self.assertRaises(ValueError) as caught:
-                    await command
-                self.assertEqual(str(caught.exception), text)
-
-    async def test_numbers_beyond_64_bits_are_errors_that_name_the_range(self) -> None:
-        more, less = "9223372036854775807 or more", "-9223372036854775808 or less"
-        base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
-        with self.hub.enabled(0, 1):
-            motor = self.hub[0]
-            for command, text in [
                 (motor.velocity(2**80), f"velocity is {more}; allowed are -32768 to 32767 counts/s"),
                 (motor.velocity(-(10**5000)), f"velocity is {less}; allowed are -32768 to 32767 counts/s"),
                 (motor.position(0, tolerance=2**64), f"tolerance is {more}; allowed are 0 to 65535 counts"),

@@ -232,17 +232,6 @@ mod tests {
     }
 
     #[test]
-    fn humble_has_no_hashes() {
-        let key = node(Distribution::Humble).key(&STATES);
-        assert_eq!(key, "0/hub0/joint_states/sensor_msgs::msg::dds_::JointState_/TypeHashNotSupported");
-    }
-
-    #[test]
-    fn a_gid_is_the_hash_of_the_token() {
-        assert_eq!(gid(TOKEN), GID);
-    }
-
-    #[test]
     fn two_topics_of_one_process_have_one_source() {
         let publishers = Publishers::default();
         let token = |session: &str, number: u8, node: &str| {

@@ -679,21 +679,6 @@ mod tests {
     }
 
     #[test]
-    fn stop_lasts_until_enable() {
-        let mut robot = robot();
-        robot.twist(A, (0.5, 0.0), ms(0));
-        robot.stop("stop was called; call enable");
-        assert_eq!(robot.due(ms(0)), []);
-        robot.twist(A, (0.5, 0.0), ms(10));
-        robot.joints(A, &velocities(&["left"], &[1.0]), ms(10));
-        assert_eq!(robot.due(ms(10)), []);
-        robot.enable();
-        assert_eq!(robot.due(ms(20)), []);
-        robot.twist(A, (0.5, 0.0), ms(30));
-        assert_eq!(robot.due(ms(30)).len(), 2);
-    }
-
-    #[test]
     fn the_newest_commander_drives_and_the_conflict_is_reported() {
         let mut robot = robot();
         robot.observe(None, report([0, 0]), None);
