@@ -98,26 +98,8 @@ fn edges() -> Figure {
     }
 }
 
-/// More samples than the page can show: a peak stays.
-fn dense() -> Figure {
-    let wave = |n: i32| (f64::from(n), if n == 4321 { 5.0 } else { f64::from(n % 7 - 3) });
-    let data: Vec<_> = (0..10_000).map(wave).collect();
-    Figure {
-        title: "Dense".into(),
-        x_range: Some((4000.0, 4500.0)),
-        panels: vec![panel("y", vec![series("wave", colour::INK, Style::Line, &data)])],
-        ..Figure::default()
-    }
-}
-
 #[test]
 fn figures_look_as_they_did() {
-    let figures = [
-        ("styles", styles()),
-        ("bands", bands()),
-        ("points", points()),
-        ("edges", edges()),
-        ("dense", dense()),
-    ];
+    let figures = [("styles", styles()), ("bands", bands()), ("points", points()), ("edges", edges())];
     snapshot::assert_all(&figures.map(|(name, figure)| (format!("{name}.svg"), figure.svg())));
 }
