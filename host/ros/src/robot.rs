@@ -48,6 +48,13 @@ struct Command {
     off: Option<String>,
 }
 
+impl Command {
+    /// Ignores commands for the joint until [`Robot::enable`].
+    fn refuse(&mut self, why: &str) {
+        *self = Self { off: Some(format!("{why}; call enable")), ..Self::default() };
+    }
+}
+
 /// Decides which commander drives the robot. Times count from the start of the hub's thread.
 #[derive(Clone, Debug, Default)]
 struct Commander {
@@ -266,11 +273,8 @@ impl Robot {
 
     /// Ignores commands for the joints of one hub until [`enable`](Self::enable).
     pub(crate) fn refuse_all_of(&mut self, address: Option<u8>, why: &str) {
-        for joint in 0..self.config.joints.len() {
-            if self.config.joints.get(joint).is_some_and(|joint| joint.address == address) {
-                self.refuse(joint, why);
-            }
-        }
+        let all = self.config.joints.iter().zip(&mut self.commands);
+        all.filter(|(joint, _)| joint.address == address).for_each(|(_, command)| command.refuse(why));
     }
 
     /// Records that the hub's odometry starts again at its origin. The present pose in `odom` stays unchanged.
@@ -300,7 +304,7 @@ impl Robot {
     /// disabled its motor.
     pub(crate) fn refuse(&mut self, joint: usize, why: &str) {
         if let Some(command) = self.commands.get_mut(joint) {
-            *command = Command { off: Some(format!("{why}; call enable")), ..Command::default() };
+            command.refuse(why);
         }
     }
 
@@ -318,16 +322,12 @@ impl Robot {
         odometry: Option<OdometryReport>,
     ) {
         self.odometry = odometry.or(self.odometry);
-        for index in 0..self.config.joints.len() {
-            let (Some(joint), Some(command)) = (self.config.joints.get(index), self.commands.get(index))
-            else {
-                continue;
-            };
+        for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
             let Some(motor) = report.motors.get(usize::from(joint.motor)) else { continue };
             let driven = joint.address == address && command.setpoint.is_some() && !command.is_new;
             if driven && report.is_up_to_date() && (motor.faults.any() || !motor.enabled) {
                 let why = why_still(&report, joint.motor.into()).unwrap_or("the hub has disabled the motor");
-                self.refuse(index, why);
+                command.refuse(why);
             }
         }
         if address.is_none()
@@ -536,9 +536,14 @@ mod tests {
         HubReport { motors: positions.into_iter().map(motor).collect(), ..HubReport::default() }
     }
 
-    fn velocities(names: &[&str], velocities: &[f64]) -> JointCommands {
+    fn commands(names: &[&str], positions: &[f64], velocities: &[f64], efforts: &[f64]) -> JointCommands {
         let names = names.iter().map(|name| (*name).to_owned()).collect();
-        JointCommands { names, velocities: velocities.to_vec(), ..JointCommands::default() }
+        let [positions, velocities, efforts] = [positions, velocities, efforts].map(<[f64]>::to_vec);
+        JointCommands { names, positions, velocities, efforts }
+    }
+
+    fn velocities(names: &[&str], velocities: &[f64]) -> JointCommands {
+        commands(names, &[], velocities, &[])
     }
 
     #[test]
@@ -576,22 +581,15 @@ mod tests {
     #[test]
     fn joints_are_driven_by_name_and_by_what_is_given() {
         let mut robot = robot();
-        let names = vec!["right".to_owned(), "none".to_owned(), "left".to_owned()];
-        let all = JointCommands {
-            names,
-            positions: vec![TAU, 0.0, f64::NAN],
-            velocities: vec![1.0, 1.0, f64::NAN],
-            efforts: vec![0.0, 0.0, 1.2],
-        };
+        let names = ["right", "none", "left"];
+        let all = commands(&names, &[TAU, 0.0, f64::NAN], &[1.0, 1.0, f64::NAN], &[0.0, 0.0, 1.2]);
         robot.joints(A, &all, ms(0));
         assert_eq!(
             robot.due(ms(0)),
             [(0, Setpoint::Current { ma: 2000, speed_limit: 1604 }), (1, position(-1680, 267))]
         );
         // The right joint has no torque constant, so it takes no effort.
-        let effort =
-            JointCommands { names: vec!["right".to_owned()], efforts: vec![1.0], ..JointCommands::default() };
-        robot.joints(A, &effort, ms(10));
+        robot.joints(A, &commands(&["right"], &[], &[], &[1.0]), ms(10));
         assert_eq!(robot.due(ms(10)), []);
     }
 
@@ -599,13 +597,7 @@ mod tests {
     fn a_position_has_a_speed_limit_of_one_count_per_second_at_least_and_a_velocity_of_zero_is_no_limit() {
         for (velocity, speed) in [(0.001, 1), (-0.001, 1), (1.0, 267), (1e300, 1604), (0.0, 1604)] {
             let mut robot = robot();
-            let to = JointCommands {
-                names: vec!["left".to_owned()],
-                positions: vec![TAU],
-                velocities: vec![velocity],
-                ..JointCommands::default()
-            };
-            robot.joints(A, &to, ms(0));
+            robot.joints(A, &commands(&["left"], &[TAU], &[velocity], &[]), ms(0));
             assert_eq!(robot.due(ms(0)), [(0, position(1680, speed))], "{velocity} rad/s");
         }
     }
@@ -616,20 +608,14 @@ mod tests {
         robot.observe(None, report([0, 0]), None);
         robot.joints(A, &velocities(&["left"], &[1.0]), ms(0));
         robot.due(ms(0));
-        let only = |positions: &[f64], velocities: &[f64], efforts: &[f64]| JointCommands {
-            names: vec!["left".to_owned()],
-            positions: positions.to_vec(),
-            velocities: velocities.to_vec(),
-            efforts: efforts.to_vec(),
-        };
         // The largest values are 2^31 - 1 counts, 32767 counts/s and 65.535 A.
         for out in [
-            only(&[-1e300], &[], &[]),
-            only(&[8.04e6], &[], &[]),
-            only(&[], &[1e300], &[]),
-            only(&[], &[-122.6], &[]),
-            only(&[], &[], &[1e300]),
-            only(&[], &[], &[-39.4]),
+            commands(&["left"], &[-1e300], &[], &[]),
+            commands(&["left"], &[8.04e6], &[], &[]),
+            commands(&["left"], &[], &[1e300], &[]),
+            commands(&["left"], &[], &[-122.6], &[]),
+            commands(&["left"], &[], &[], &[1e300]),
+            commands(&["left"], &[], &[], &[-39.4]),
         ] {
             robot.joints(B, &out, ms(10));
             assert_eq!(robot.due(ms(10)), [], "{out:?}");
@@ -646,12 +632,7 @@ mod tests {
     #[test]
     fn a_position_whose_commands_end_is_held_where_the_joint_is() {
         let mut robot = robot();
-        let to = JointCommands {
-            names: vec!["left".to_owned()],
-            positions: vec![TAU],
-            ..JointCommands::default()
-        };
-        robot.joints(A, &to, ms(0));
+        robot.joints(A, &commands(&["left"], &[TAU], &[], &[]), ms(0));
         robot.due(ms(0));
         robot.observe(None, report([700, 0]), None);
         assert_eq!(robot.due(ms(600)), [(0, position(700, 1604))]);
@@ -660,12 +641,7 @@ mod tests {
     #[test]
     fn a_joint_with_a_target_position_is_held_where_it_is_when_its_encoder_is_reset() {
         let mut robot = robot();
-        let commands = JointCommands {
-            names: vec!["left".to_owned(), "right".to_owned()],
-            positions: vec![TAU, f64::NAN],
-            velocities: vec![f64::NAN, 1.0],
-            efforts: vec![],
-        };
+        let commands = commands(&["left", "right"], &[TAU, f64::NAN], &[f64::NAN, 1.0], &[]);
         robot.joints(A, &commands, ms(0));
         let [there, turning] = robot.due(ms(0))[..] else { panic!("two set-points") };
         robot.observe(None, report([1680, 0]), None);
