@@ -141,9 +141,7 @@ impl Session {
             let addresses = found.iter().map(|hub| hub.address).collect();
             return Err(Error::Parents { found: parents.len(), addresses });
         };
-        if let Some(parent) = Address::new(*parent) {
-            self.select_hub(parent);
-        }
+        self.address = *parent;
         Ok(found)
     }
 
@@ -272,9 +270,7 @@ impl Session {
     /// returns its report. After this time the report may be incomplete. The report is empty if the hub has no chain
     /// line. Returns `None` for a hub of another maker, or with older firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
-        let Some(parent) = Address::new(parent) else { return Ok(None) };
-        let before = Address::new(self.address);
-        self.select_hub(parent);
+        let before = std::mem::replace(&mut self.address, parent);
         let end = Instant::now() + CHAIN_DISCOVERY_TIMEOUT;
         let report = loop {
             match self.chain() {
@@ -288,9 +284,7 @@ impl Session {
                 Err(error) => break Err(error),
             }
         };
-        if let Some(before) = before {
-            self.select_hub(before);
-        }
+        self.address = before;
         report
     }
 
