@@ -152,10 +152,11 @@ impl HubThread {
             has_base: false,
             clocks: BTreeMap::new(),
         };
-        let ended = self.serve(&mut hub);
-        match ended {
-            Ok(()) => hub.stop(),
-            Err(error) => return Err(error.to_string()),
+        self.serve(&mut hub).map_err(|error| error.to_string())?;
+        if let Err(error) = hub.disable() {
+            eprintln!(
+                "warning: motors could not be disabled: {error}; the hub disables them by itself within 2.5 s"
+            );
         }
         Ok(())
     }
@@ -539,15 +540,6 @@ impl Connected {
             }
         }
         self.turn_to(None)
-    }
-
-    /// Disables all motors at the end of the program.
-    fn stop(&mut self) {
-        if let Err(error) = self.disable() {
-            eprintln!(
-                "warning: motors could not be disabled: {error}; the hub disables them by itself within 2.5 s"
-            );
-        }
     }
 
     /// Makes the present position of a joint 0 counts. A joint with a target position gets speed 0 before, because the hub
