@@ -111,18 +111,6 @@ fn a_second_identification_and_changes_of_settings_are_refused_while_one_runs() 
 }
 
 #[test]
-fn a_speed_limit_of_a_position_is_at_least_1() {
-    let mut page = page_of(vec![Hub::new()]);
-    page.frame();
-    for speed in [0.0, -300.0] {
-        page.order(&json!({ "drive": { "motor": 0, "mode": "position", "value": 100, "speed": speed } }));
-        let refused = page.until("a refusal", |message| message["kind"] == "refused");
-        let range = "is out of range; allowed is 1 to 32767 counts/s";
-        assert_eq!(refused["why"], format!("a speed limit of {speed} counts/s {range}"));
-    }
-}
-
-#[test]
 fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
     let running_for = |ms: u64| {
         let mut hub = Hub::new();

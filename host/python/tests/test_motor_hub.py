@@ -1,5 +1,6 @@
 """The package against a served hub: `motor-hub serve`, whose path is in the environment variable MOTOR_HUB."""
 
+import ast
 import asyncio
 import gc
 import json
@@ -39,6 +40,15 @@ class Served:
         self.process.kill()
         self.process.wait()
         self.process.stdout.close()
+
+
+def make_own_notes(test: unittest.TestCase) -> None:
+    """Gives a test a folder of its own for notes of served hubs."""
+    folder = tempfile.TemporaryDirectory()
+    test.addCleanup(folder.cleanup)
+    user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
+    user.start()
+    test.addCleanup(user.stop)
 
 
 class WithHub(unittest.IsolatedAsyncioTestCase):
@@ -428,11 +438,7 @@ class WithoutAnAddress(unittest.TestCase):
     """``connect()``, for a user with a folder of their own for notes of served hubs."""
 
     def setUp(self) -> None:
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
-        user.start()
-        self.addCleanup(user.stop)
+        make_own_notes(self)
         no_ports = unittest.mock.patch.object(motor_hub, "usb_ports", lambda: [])
         no_ports.start()
         self.addCleanup(no_ports.stop)
@@ -572,22 +578,16 @@ class Documents(unittest.TestCase):
         except ImportError as missing:
             self.skipTest(f"SKIPPED: {missing.name} is not installed")
         matplotlib.use("Agg")
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
-        user.start()
-        self.addCleanup(user.stop)
+        make_own_notes(self)
         served = Served()
         self.addCleanup(served.close)
         served.found()
         path = Path(__file__).parent.parent / "examples" / "first-motion.ipynb"
         cells = [cell["source"] for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
         source = "\n".join("".join(cell) + "\n" for cell in cells)
-        code = compile(source, str(path), "exec", flags=compile_flags())
+        code = compile(source, str(path), "exec", flags=ast.PyCF_ALLOW_TOP_LEVEL_AWAIT)
         names: dict[str, object] = {}
-        outcome = eval(code, names)
-        if outcome is not None:
-            asyncio.run(as_coroutine(outcome))
+        asyncio.run(eval(code, names))
         self.assertGreater(len(names["table"]), 20)
 
     def test_the_notebook_has_its_outputs(self) -> None:
@@ -595,16 +595,6 @@ class Documents(unittest.TestCase):
         cells = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
         self.assertTrue(all(cell["outputs"] for cell in cells))
         self.assertTrue(any("image/png" in output.get("data", {}) for output in cells[-1]["outputs"]))
-
-
-def compile_flags() -> int:
-    import ast
-
-    return ast.PyCF_ALLOW_TOP_LEVEL_AWAIT
-
-
-async def as_coroutine(outcome):
-    return await outcome
 
 
 if __name__ == "__main__":
