@@ -352,27 +352,19 @@ impl HubThread {
     /// Reads the report of the hub or of a child, and evaluates the report.
     fn ask(&mut self, hub: &mut Connected, address: Option<u8>) -> Result<(), Error> {
         let asked = Instant::now();
-        if hub.find(address)? {
-            println!(
-                "{}: connected to the hub at address {}",
-                self.robot.config().place,
-                hub.session.address()
-            );
+        let is_new = hub.find(address)?;
+        let (place, at) = (self.robot.config().place.clone(), hub.session.address());
+        if is_new {
+            println!("{place}: connected to the hub at address {at}");
         }
         let Some(report) = hub.session.report()? else {
-            eprintln!(
-                "error: {}: the firmware of the hub at address {} is not of this project, or too old",
-                self.robot.config().place,
-                hub.session.address()
-            );
-            return Err(address.map_or(Error::NoHub, |address| Error::Silent { address }));
+            let why = format!("the firmware of the hub at address {at} is not of this project, or too old");
+            let Some(address) = address else { return Err(std::io::Error::other(why).into()) };
+            eprintln!("error: {place}: {why}");
+            return Err(Error::Silent { address });
         };
         if hub.was_reset(address, asked, report.at_ms) {
-            eprintln!(
-                "warning: {}: the hub at address {} was reset",
-                self.robot.config().place,
-                hub.session.address()
-            );
+            eprintln!("warning: {place}: the hub at address {at} was reset");
             hub.end_save(address, Some("the hub was reset".to_owned()));
             match address {
                 None => {
