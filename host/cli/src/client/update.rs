@@ -39,8 +39,8 @@ An image may have a rollback version: a number in its bytes 32 to 35, lowest byt
 number is lower than its firmware's.";
 
 /// Text for an update that a signal can no longer cancel.
-const GOES_ON: &str = "the update goes on without this command: the hub is exchanging the images, and answers again after some \
-                       20 s; look at its version with `client status` then";
+const GOES_ON: &str = "the update goes on without this command: the hub exchanges the images or tries the new firmware, and answers \
+                       again after some 20 s; look at its version with `client status` then";
 
 /// Interval between two steps while the hub writes.
 const WRITES: Duration = Duration::from_millis(20);
