@@ -77,13 +77,12 @@ impl Executor {
             PageRequest::Drive { motor, mode, value, speed, tolerance, zero, enable } => {
                 let motor = channel(motor)?;
                 let setpoint = setpoint(mode, value, speed, tolerance.unwrap_or(USUAL_TOLERANCE))?;
-                session.set_setpoint(motor, setpoint, zero)?;
-                if enable {
-                    session.enable(motor, true)?;
-                }
+                drive(session, motor, setpoint, zero, enable)?;
             }
             PageRequest::Current { motor, amperes, speed, enable } => {
-                current(session, channel(motor)?, amperes, speed, enable)?
+                let motor = channel(motor)?;
+                let setpoint = current(session, amperes, speed)?;
+                drive(session, motor, setpoint, ZeroPower::Brake, enable)?;
             }
             PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
@@ -232,26 +231,31 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: f64) -> Re
     })
 }
 
-/// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead. With `enable` the
-/// motor is then enabled, and gets the current.
-fn current(
-    session: &mut Session,
-    motor: u8,
-    amperes: f64,
-    speed: Option<f64>,
-    enable: bool,
-) -> Result<(), RequestError> {
+/// Returns the set-point of the order [`PageRequest::Current`].
+fn current(session: &mut Session, amperes: f64, speed: Option<f64>) -> Result<Setpoint, RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
     let speed_limit = speed_limit(speed.unwrap_or(NO_SPEED_LIMIT_CPS.into()))?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    let setpoint = Setpoint::Current { ma, speed_limit };
-    session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
-    // A hub takes a constant current for enabled motors only.
-    if enable && !session.enabled(motor)? {
+    Ok(Setpoint::Current { ma, speed_limit })
+}
+
+/// Gives a motor a set-point, and enables the motor if `enable` is true.
+pub(crate) fn drive(
+    session: &mut Session,
+    motor: u8,
+    setpoint: Setpoint,
+    zero: ZeroPower,
+    enable: bool,
+) -> Result<(), Error> {
+    session.set_setpoint(motor, setpoint, zero)?;
+    if enable {
         session.enable(motor, true)?;
-        session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
+        if let Setpoint::Current { .. } = setpoint {
+            // A hub takes a constant current for enabled motors only.
+            session.set_setpoint(motor, setpoint, zero)?;
+        }
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Sends a scenario's set-points to the hub at their times.
 
+use crate::executor::drive;
 use crate::hub::RequestError;
 use motor_hub::hub::Command;
 use motor_hub::motor::{self, ZeroPower};
@@ -67,13 +68,7 @@ impl Script {
 impl Step {
     fn send(&self, session: &mut Session) -> Result<(), RequestError> {
         let Some(setpoint) = self.setpoint else { return Ok(session.enable(self.motor, false)?) };
-        session.set_setpoint(self.motor, setpoint, self.zero)?;
-        session.enable(self.motor, true)?;
-        if let Setpoint::Current { .. } = setpoint {
-            // The hub takes a constant current only for an enabled motor.
-            session.set_setpoint(self.motor, setpoint, self.zero)?;
-        }
-        Ok(())
+        Ok(drive(session, self.motor, setpoint, self.zero, true)?)
     }
 }
 
