@@ -523,6 +523,17 @@ class Services(WithRobot):
         self.assertEqual(self.commander.call("save_settings"), (True, "settings are stored"))
 
 
+class LowBattery(WithRobot):
+    def start_hub(self, port: int) -> subprocess.Popen:
+        with unittest.mock.patch.object(sys.modules[__name__], "SCENARIO", SCENARIO.replace("emf_v = 12.6", "emf_v = 5.0")):
+            return super().start_hub(port)
+
+    def test_identify_is_answered_although_no_motor_can_be_enabled(self) -> None:
+        success, message = self.commander.call("identify")
+        self.assertFalse(success)
+        self.assertRegex(message, "left: the hub refuses: battery unknown, below 7 V")
+
+
 class Losses(WithRobot):
     def test_of_two_processes_the_newest_drives_and_both_are_told(self) -> None:
         older, newer = Commander(self.process(), "planner"), Commander(self.process(), "teleop")
@@ -945,7 +956,7 @@ if __name__ == "__main__":
         sdk_peer(int(sys.argv[2]), Path(sys.argv[3]))
     elif len(sys.argv) == 1:
         # The tests wait most of the time: some classes run side by side.
-        groups = [Losses, Services, Chain, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
+        groups = [Losses, Services, LowBattery, Chain, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
 
         def run(group: type) -> subprocess.CompletedProcess:
             return subprocess.run([sys.executable, __file__, "-v", group.__name__], stderr=subprocess.PIPE, text=True)
