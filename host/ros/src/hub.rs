@@ -284,7 +284,7 @@ impl HubThread {
                 let mut saving =
                     Saving { answer, running: Vec::new(), outcome: Ok("settings are stored".to_owned()) };
                 for address in hub.addresses() {
-                    match hub.begin_save(address) {
+                    match hub.turn_to(address).and_then(|()| hub.session.begin_store(HubFunction::Save)) {
                         Ok(access) => saving.running.push((address, access)),
                         Err(error) => saving.outcome = Err(self.go_on_after(hub, error)?),
                     }
@@ -543,12 +543,6 @@ impl Connected {
         }
         self.turn_to(address)?;
         self.session.reset_encoder(motor)
-    }
-
-    /// Makes a hub start to store its settings.
-    fn begin_save(&mut self, address: Option<u8>) -> Result<StoreAccess, Error> {
-        self.turn_to(address)?;
-        self.session.begin_store(HubFunction::Save)
     }
 
     /// Asks a hub that stores its settings whether it has finished. The session must have selected the hub.
