@@ -21,7 +21,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_hal_async::i2c::{Error, ErrorKind, NoAcknowledgeSource};
 
 /// Longest time of a transfer. The longest transfer has 103 bytes: the address twice, the number of a register, and 100
-/// bytes of data. It takes 9.3 ms at 100 kbit/s. A device may also stretch the clock for 30 ms.
+/// bytes of data. It takes 11.2 ms at 83 kbit/s, the slowest clock of a board. A device may also stretch the clock for 30 ms.
 pub const TIME_OUT: Duration = Duration::from_millis(50);
 
 /// Number of the bus with the gyro of a drive base.

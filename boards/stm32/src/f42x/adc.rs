@@ -23,7 +23,7 @@ use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::vals::Awdsgl;
 use embassy_stm32::peripherals::ADC1;
 use embassy_stm32::{interrupt, pac};
-use embassy_time::Timer;
+use embassy_time::{Duration, Timer, block_for};
 use motor_hub::board::SupplyAdc;
 use motor_hub::supply::VrefintScale;
 use motor_hub::units::{Millivolts, RangeError};
@@ -97,12 +97,17 @@ impl BatteryAdc {
 
 /// Starts the converter. Restarts a converter that runs or has stopped.
 fn start() {
-    pac::ADC1.cr2().modify(|w| w.set_adon(false));
-    pac::ADC1.cr2().modify(|w| {
-        w.set_cont(true);
-        w.set_adon(true);
-    });
+    pac::ADC1.cr2().modify(|w| w.set_cont(true));
+    power_cycle(pac::ADC1);
     pac::ADC1.cr2().modify(|w| w.set_swstart(true));
+}
+
+/// Switches a converter off and on. It is stable after 3 us (STM32F429 data sheet, ADC characteristics, t_STAB).
+pub(super) fn power_cycle(converter: pac::adc::Adc) {
+    for on in [false, true] {
+        converter.cr2().modify(|w| w.set_adon(on));
+        block_for(Duration::from_micros(3));
+    }
 }
 
 /// True if VREFINT, and the battery before it, has been converted since the last call.

@@ -1,6 +1,7 @@
 //! The bridges' current-sense lines on ADC3. They are an injected group, in which each channel has
 //! a data register, so no DMA is needed. Meanwhile ADC1 watches the battery.
 
+use super::adc::power_cycle;
 use super::{inject, set_sampling_time};
 use crate::Calibrate;
 use embassy_stm32::adc::{AnyAdcChannel, SampleTime};
@@ -44,8 +45,7 @@ impl<const N: usize> CurrentSense<N> for CurrentLines<N> {
         Timer::after_micros(WAIT_MICROS).await;
         if !pac::ADC3.sr().read().jeoc() {
             // The converter has stopped, for example because of a disturbance of its supply. It is ready for the next sample.
-            pac::ADC3.cr2().modify(|w| w.set_adon(false));
-            pac::ADC3.cr2().modify(|w| w.set_adon(true));
+            power_cycle(pac::ADC3);
             return [None; N];
         }
         core::array::from_fn(|place| {

@@ -113,12 +113,13 @@ impl i2c_bus::Controller for Controller {
         registers.cr1().write(|w| w.set_swrst(true));
         registers.cr1().write(|w| w.set_swrst(false));
         registers.cr2().write(|w| w.set_freq(CLOCK_MHZ as u8));
-        // Ratio of the low to the high phase: 1 at 100 kHz, 2 at 400 kHz (RM0090 27.6.8). The rise time of a line is at
-        // most 1000 ns or 300 ns.
+        // Ratio of the low to the high phase: 1 in standard mode, 2 in fast mode (RM0090 27.6.8). The rise time of a line
+        // is at most 1000 ns or 300 ns. The bus runs at 83 and 378 kHz. From 88 to 100 kHz the chip may send a repeated
+        // start too early (ES0206), and the internal oscillator, from which the clock comes, may be 4 % too fast.
         let (mode, ticks, rise) = if self.fast {
-            (FS::FAST, CLOCK_MHZ * 10 / 12, CLOCK_MHZ * 3 / 10)
+            (FS::FAST, CLOCK_MHZ * 10 / 12 + 2, CLOCK_MHZ * 3 / 10)
         } else {
-            (FS::STANDARD, CLOCK_MHZ * 5, CLOCK_MHZ)
+            (FS::STANDARD, CLOCK_MHZ * 6, CLOCK_MHZ)
         };
         registers.ccr().write(|w| {
             w.set_f_s(mode);

@@ -22,14 +22,14 @@ pub struct G4;
 
 impl ConverterHal for G4 {
     const INTERRUPT: Interrupt = Interrupt::ADC1_2;
-    /// A conversion of 640.5 + 12.5 cycles at 42.5 MHz takes 15 us.
+    /// A conversion of 640.5 + 12.5 cycles at 20 MHz takes 33 us.
     const WAIT_MICROS: u64 = 50;
     /// A calibration takes some microseconds (DS12288, ADC characteristics).
     const CALIBRATION_MS: u32 = 2;
 
     fn prepare_calibration(_: Adc) {}
 
-    /// The longest sampling time is 15 us. VREFINT needs 4 us (DS12288), and the divider's 8.9 kohm is a weak source.
+    /// The longest sampling time is 32 us. VREFINT needs 4 us (DS12288), and the divider's 8.9 kohm is a weak source.
     fn connect(converter: Adc, channel: u8) {
         let (place, slow) = (usize::from(channel % 10), SampleTime::CYCLES640_5);
         if channel < 10 {

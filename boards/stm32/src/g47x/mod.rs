@@ -16,20 +16,22 @@ pub const PVD_LEVEL: u8 = 0b110;
 /// RAM can be read before the first write.
 pub const RAM_HAS_ERROR_CODE: bool = false;
 
-/// Returns the clocks: 170 MHz from the chip's internal 16 MHz oscillator (HSI), which nothing outside the chip can
-/// stop. All timers run at 170 MHz.
+/// Returns the clocks: 80 MHz from the chip's internal 16 MHz oscillator (HSI), which nothing outside the chip can
+/// stop. All timers run at 80 MHz.
+///
+/// The chip can run at 170 MHz. Above 80 MHz the bus has to run at half its clock for 1 us after the clock has been
+/// switched (RM0440 7.2.7, system clock switch), and the HAL switches both at once.
 pub fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.pll = Some(rcc::Pll {
         source: rcc::PllSource::HSI,
         prediv: rcc::PllPreDiv::DIV4,
-        mul: rcc::PllMul::MUL85,
+        mul: rcc::PllMul::MUL40,
         divp: None,
         divq: None,
         divr: Some(rcc::PllRDiv::DIV2),
     });
     config.rcc.sys = rcc::Sysclk::PLL1_R;
-    config.rcc.boost = true;
     config.rcc.hsi48 = None;
     config.rcc.ls = rcc::LsConfig::off();
     config

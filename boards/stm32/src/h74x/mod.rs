@@ -46,12 +46,14 @@ pub fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
     config.rcc.pll1 = Some(pll(rcc::PllMul::MUL100, Some(rcc::PllDiv::DIV2)));
+    // The oscillators of all PLLs run at more than 420 MHz: from 420 MHz down the HAL chooses their medium range, which is
+    // specified for a reference of up to 2 MHz only, and the reference has 8 MHz (DS12110, PLL characteristics).
     // The converters get 32 MHz, and halve this clock. In revision Y they do not halve it, and work with up to 36 MHz.
-    config.rcc.pll2 = Some(pll(rcc::PllMul::MUL48, Some(rcc::PllDiv::DIV12)));
+    config.rcc.pll2 = Some(pll(rcc::PllMul::MUL60, Some(rcc::PllDiv::DIV15)));
     config.rcc.mux.adcsel = rcc::mux::Adcsel::PLL2_P;
     // PLL3 is configured, although nothing uses it. To switch an unused PLL off, the HAL writes a register that the
     // running PLL1 locks. `set_up` switches PLL3 off.
-    config.rcc.pll3 = Some(pll(rcc::PllMul::MUL20, None));
+    config.rcc.pll3 = Some(pll(rcc::PllMul::MUL60, None));
     config.rcc.sys = rcc::Sysclk::PLL1_P;
     config.rcc.ahb_pre = rcc::AHBPrescaler::DIV2;
     config.rcc.apb1_pre = rcc::APBPrescaler::DIV2;
