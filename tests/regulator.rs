@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    BATTERY, Bench, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor, neverest_60,
-    plant, position, unknown, velocity, winding,
+    BATTERY, Bench, Cable, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor,
+    neverest_60, plant, position, unknown, velocity, winding,
 };
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::model::catalogue::Motor;
@@ -349,6 +349,74 @@ fn the_first_move_of_an_unknown_heavy_motor_goes_at_most_a_tenth_too_far() {
         bench.set(0, position(3_000, 5, 100_000));
         let farthest = bench.highest(15_000, |bench| bench.counts(0));
         assert!(farthest < 3_300.0, "{period_ms} ms: {farthest} counts");
+    }
+}
+
+#[test]
+fn an_unknown_motor_comes_to_rest_after_a_move_that_ended_soon_after_its_start() {
+    for (name, times, start, first, run_ms, then) in [
+        ("Matrix A", 1.0, 0.1, position(2_491, 20, 2_906), 15, (664, 1_494)),
+        ("AM 20 A", 10.0, 0.9, position(914, 20, 1_066), 35, (1_218, 548)),
+    ] {
+        let motor = motor(name);
+        let load = inertia((times - 1.0) * motor.j.0 * motor.eta * motor.gear_ratio.powi(2));
+        let mut bench = Bench::one(unknown(&motor), plant(motor, load), 10);
+        bench.place(0, start, 0.0);
+        bench.sample();
+        bench.set(0, first);
+        bench.run_ms(run_ms);
+        bench.set(0, Setpoint::Disabled);
+        bench.run_ms(60);
+        let target = bench.counts(0).floor() as i32 + then.0;
+        bench.set(0, position(target, 5, then.1));
+        bench.run_ms(10_000);
+        let farthest = bench.highest(3_000, |bench| (bench.counts(0) - f64::from(target)).abs());
+        assert!(farthest < 20.0, "{name}: {farthest:.0} counts off");
+    }
+}
+
+#[test]
+fn a_motor_whose_dynamics_are_removed_while_it_starts_comes_to_rest() {
+    let motor = motor("Matrix A");
+    for period_ms in [10, 50, 100] {
+        for run_ms in [60, 150, 250] {
+            let mut bench = Bench::one(configured(&motor, &Load::NONE), plant(motor, Load::NONE), period_ms);
+            bench.set(0, position(2_600, 20, 3_000));
+            bench.run_ms(run_ms);
+            bench.configure(0, |settings| settings.dynamics = None);
+            let target = bench.counts(0).floor() as i32 - 800;
+            bench.set(0, position(target, 5, 1_500));
+            bench.run_ms(6_000);
+            let farthest = bench.highest(3_000, |bench| (bench.counts(0) - f64::from(target)).abs());
+            assert!(farthest < 20.0, "{period_ms} ms, after {run_ms} ms: {farthest:.0} counts off");
+        }
+    }
+}
+
+#[test]
+fn what_a_broken_encoder_taught_is_forgotten_at_its_fault() {
+    for (name, cable, period_ms) in [
+        ("AM 60 A", Cable::OneWire, 50),
+        ("AM 60 A", Cable::OneWire, 10),
+        ("AM 40 C", Cable::OneWire, 10),
+        ("AM 20 A", Cable::Reversed, 10),
+        ("AM 40 C", Cable::Reversed, 50),
+    ] {
+        let motor = motor(name);
+        let free = free_cps(&motor);
+        let mut bench = Bench::one(unknown(&motor), plant(motor, Load::NONE), period_ms);
+        bench.axes[0].cable = cable;
+        bench.set(0, velocity((0.16 * free) as i32));
+        bench.wait_until(5_000, |bench| bench.report().faults.encoder.is_some()).expect("a fault");
+        bench.run_ms(300);
+        bench.axes[0].cable = Cable::Plugged;
+        bench.set(0, Setpoint::Disabled);
+        bench.run_ms(1_500);
+        let (target, before) = (0.12 * free, bench.speed(0));
+        bench.set(0, velocity(target as i32));
+        let peak = bench.highest(3_000, |bench| bench.speed(0));
+        let allowed = 1.3 * target.max(before);
+        assert!(peak < allowed, "{name}, {cable:?}, {period_ms} ms: {peak:.0} of {allowed:.0} counts/s");
     }
 }
 

@@ -532,6 +532,9 @@ impl Motor {
     fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
         // Needed at every tick of the fault: a set-point that arrives during the fault prepares another beginning.
         self.regulator.transition(Transition::FromBrake);
+        if self.encoder_fault.is_some() {
+            self.regulator.distrust_encoder();
+        }
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
 

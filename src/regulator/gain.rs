@@ -102,6 +102,8 @@ pub(super) struct GainEstimate {
     mean_net_volts: f32,
     /// Gain in use, as a share of the gain at the last count.
     share_since_count: f32,
+    /// True after [`multiply`](Self::multiply): a load that swings the speed would teach a wrong gain.
+    is_fixed: bool,
 }
 
 impl GainEstimate {
@@ -117,6 +119,7 @@ impl GainEstimate {
             net_volts: 0.0,
             mean_net_volts: 0.0,
             share_since_count: 1.0,
+            is_fixed: false,
         }
     }
 
@@ -130,7 +133,7 @@ impl GainEstimate {
 
     /// Sets theta and its variance to the initial guess, for an observer that uses another gain.
     fn return_to_guess(&mut self, plant: &Plant) {
-        (self.theta, self.variance, self.paused_s) = (0.0, GUESS_VARIANCE, 0.0);
+        (self.theta, self.variance, self.paused_s, self.is_fixed) = (0.0, GUESS_VARIANCE, 0.0, false);
         self.refer_to(plant.b / guessed_gain(plant.kappa));
     }
 
@@ -154,9 +157,16 @@ impl GainEstimate {
         self.variance /= factor * factor;
     }
 
-    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain.
-    pub(super) fn raise(&mut self, factor: f32) {
+    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Nothing is then learned
+    /// until [`learn_again`](Self::learn_again), or until the estimate returns to the initial guess.
+    pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
+        self.is_fixed = true;
+    }
+
+    /// Learns again after [`multiply`](Self::multiply).
+    pub(super) const fn learn_again(&mut self) {
+        self.is_fixed = false;
     }
 
     /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends
@@ -247,7 +257,7 @@ impl GainEstimate {
             }
         } else if self.settling_s <= 0.0 {
             self.paused_s = 0.0;
-            if excited && learns && self.share_since_count > LEAST_SILENT_SHARE {
+            if excited && learns && !self.is_fixed && self.share_since_count > LEAST_SILENT_SHARE {
                 let k = self.variance * s / (s * s * self.variance + noise);
                 self.theta += k * innovation;
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);

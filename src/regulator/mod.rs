@@ -41,7 +41,7 @@ use loops::{Loops, Start};
 use model::Law;
 use observer::{FASTEST_CPS, Observer, Plant};
 use stream::Stream;
-use swings::Swings;
+use swings::{Swing, Swings};
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
 /// the mean speed of the gap. After this time without a sample the estimated load counts as 0, because an old load
@@ -172,7 +172,8 @@ impl Regulator {
         let dynamics_changed = old.dynamics != new.dynamics;
         if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
-            let gain = if keeps_gain && new.dynamics.is_none() { self.plant.b } else { initial_gain(new) };
+            // An estimate begins with the gain that was configured before.
+            let gain = if new.dynamics.is_none() && !emf_changed { self.plant.b } else { initial_gain(new) };
             (self.swings, self.gain_ratio) = (Swings::default(), 1.0);
             let (old_plant, was_at_speed) = (self.plant, self.is_at_speed());
             self.observer = self.present_state();
@@ -303,10 +304,7 @@ impl Regulator {
                 || should_stand
                 || silence_us >= UNCERTAIN_EDGE_MICROS
                     && (counts_due(self.requested) || missed_counts >= UNCERTAIN_COUNTS);
-            // A load that swings the speed would teach a wrong gain.
-            let swings = self.gain_ratio > 1.0;
-            let learns = !swings && (moved != 0 || !uncertain);
-            estimate.correct(&self.plant, &correction, moved, self.volts, learns);
+            estimate.correct(&self.plant, &correction, moved, self.volts, moved != 0 || !uncertain);
         }
     }
 
@@ -382,6 +380,16 @@ impl Regulator {
     pub fn end_swings(&mut self, settings: &Settings, period: Period) {
         self.swings = Swings::default();
         self.set_gain_ratio(1.0, settings, period);
+        if let Some(estimate) = &mut self.gain_estimate {
+            estimate.learn_again();
+        }
+    }
+
+    /// Discards what the counts of an encoder at fault have taught about an unknown motor.
+    pub fn distrust_encoder(&mut self) {
+        if let Some(estimate) = &mut self.gain_estimate {
+            estimate.discard(&self.plant);
+        }
     }
 
     /// Sets the ratio of a raised gain.
@@ -545,8 +553,15 @@ impl Regulator {
         self.observer.add_load(present.load() - load);
         if let Demand::Follow(_) = demand {
             self.end_swings(context.settings, context.period);
-        } else if self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
-            self.raise_gain(demand, context);
+        } else {
+            match self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
+                Some(Swing::Fast) => self.raise_gain(demand, context),
+                // The estimate may have been raised by mistake, so it must learn again.
+                Some(Swing::Slow) if self.gain_estimate.is_some() => {
+                    self.end_swings(context.settings, context.period);
+                }
+                _ => (),
+            }
         }
         output
     }
@@ -567,7 +582,10 @@ impl Regulator {
             self.swings = Swings::NONE_COUNT;
         }
         if let Some(estimate) = &mut self.gain_estimate {
-            estimate.raise(factor);
+            estimate.multiply(factor);
+            if ratio == 1.0 {
+                estimate.learn_again();
+            }
         }
         self.set_gain_ratio(ratio, context.settings, context.period);
     }

@@ -14,8 +14,8 @@
 //!               |------|----|-----|         half swings: from beyond one limit to beyond the other
 //! ```
 //!
-//! The fourth short half swing in a row, and each further one, shows that the swing lasts. A longer half swing begins the
-//! count again: a slow load or friction causes such swings.
+//! The fourth short half swing in a row, and each further one, shows that the swing lasts. Long half swings have another
+//! cause: a slow load, friction, or a gain that is too high. The fourth long one in a row shows that the gain is not too low.
 
 use super::Demand;
 use crate::units::single::at_least;
@@ -27,8 +27,17 @@ pub(super) struct Swings {
     side: i8,
     /// Time since the sign has changed, in ms.
     age_ms: u16,
-    /// Number of short half swings in a row.
-    half_swings: u8,
+    /// Number of short half swings in a row. A negative number counts long half swings in a row.
+    half_swings: i8,
+}
+
+/// What the half swings show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Swing {
+    /// Short half swings follow each other: the acceleration per volt in use is too low.
+    Fast,
+    /// Long half swings follow each other: the acceleration per volt in use is not too low.
+    Slow,
 }
 
 /// Limits of the detector. `docs/decisions/0030-a-speed-that-swings.md` has the figures behind the values.
@@ -47,22 +56,22 @@ impl Swings {
     /// short too.
     const SHORT_HALF_SWING_MS: u16 = 150;
     /// Number of short half swings in a row that do not show yet that the speed swings.
-    const MOST_HALF_SWINGS: u8 = 3;
+    const MOST_HALF_SWINGS: i8 = 3;
 }
 
 impl Swings {
     /// A detector that finds no more swings.
-    pub(super) const NONE_COUNT: Self = Self { side: 0, age_ms: 0, half_swings: u8::MAX };
+    pub(super) const NONE_COUNT: Self = Self { side: 0, age_ms: 0, half_swings: i8::MAX };
 
     /// Updates the detector at a control tick. The caller resets the detector when the demand changes. `speed` is the
-    /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns true if a half swing
-    /// ends that shows that the speed swings.
-    pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> bool {
+    /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns what the half swings
+    /// show, if one ends at this tick.
+    pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> Option<Swing> {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - wanted;
         let side = if error > 0.0 { 1 } else { -1 };
-        if side == self.side || self.half_swings == u8::MAX {
-            return false;
+        if side == self.side || self.half_swings == i8::MAX {
+            return None;
         }
         let (share, least) = match demand {
             Demand::Velocity(_) => (Self::LEAST_ERROR_SHARE, Self::LEAST_ERROR_CPS),
@@ -72,12 +81,20 @@ impl Swings {
         };
         let limit = at_least(share * wanted.abs(), least);
         if error.abs() <= limit {
-            return false;
+            return None;
         }
-        let short = self.side != 0 && self.age_ms <= Self::SHORT_HALF_SWING_MS.max(4 * period_ms);
-        self.half_swings = if short { self.half_swings.saturating_add(1) } else { 0 };
+        let short = self.age_ms <= Self::SHORT_HALF_SWING_MS.max(4 * period_ms);
+        self.half_swings = match self.side {
+            0 => 0,
+            _ if short => self.half_swings.max(0).saturating_add(1).min(Self::MOST_HALF_SWINGS + 1),
+            _ => (self.half_swings.min(0) - 1).max(-Self::MOST_HALF_SWINGS - 1),
+        };
         (self.side, self.age_ms) = (side, 0);
-        self.half_swings > Self::MOST_HALF_SWINGS
+        match self.half_swings {
+            count if count > Self::MOST_HALF_SWINGS => Some(Swing::Fast),
+            count if count < -Self::MOST_HALF_SWINGS => Some(Swing::Slow),
+            _ => None,
+        }
     }
 }
 
@@ -93,7 +110,7 @@ mod tests {
     fn found(error: impl Fn(u32) -> f32, demand: Demand) -> Option<u32> {
         let mut swings = Swings::default();
         let wanted = if demand == SPEED { SET_POINT } else { 0.0 };
-        (0..200).find(|&tick| swings.step(demand, wanted + error(tick), wanted, 50))
+        (0..200).find(|&tick| swings.step(demand, wanted + error(tick), wanted, 50) == Some(Swing::Fast))
     }
 
     const SPEED: Demand = Demand::Velocity(CountsPerSecond::new(1_000));
@@ -110,6 +127,13 @@ mod tests {
             assert_eq!(found(square(21.0, 1), demand), Some(4));
             assert_eq!(found(square(21.0, 4), demand), Some(16));
         }
+    }
+
+    #[test]
+    fn a_slow_swing_is_told_from_a_fast_one() {
+        let mut swings = Swings::default();
+        let found = (0..200).find_map(|tick| swings.step(POSITION, square(21.0, 5)(tick), 0.0, 50));
+        assert_eq!(found, Some(Swing::Slow));
     }
 
     #[test]
