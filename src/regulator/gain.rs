@@ -107,7 +107,8 @@ pub(super) struct GainEstimate {
 }
 
 impl GainEstimate {
-    /// Creates the estimate for an observer that uses the [initial guess](guessed_gain).
+    /// Creates an estimate that the gain of the observer is right, with the uncertainty of the
+    /// [initial guess](guessed_gain).
     pub(super) const fn new() -> Self {
         Self {
             theta: 0.0,
@@ -162,6 +163,11 @@ impl GainEstimate {
     pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
         self.is_fixed = true;
+    }
+
+    /// True if nothing is learned after [`multiply`](Self::multiply).
+    pub(super) const fn is_fixed(&self) -> bool {
+        self.is_fixed
     }
 
     /// Learns again after [`multiply`](Self::multiply).

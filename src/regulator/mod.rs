@@ -171,9 +171,9 @@ impl Regulator {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
         if emf_changed || dynamics_changed {
-            let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
-            // An estimate begins with the gain that was configured before.
-            let gain = if new.dynamics.is_none() && !emf_changed { self.plant.b } else { initial_gain(new) };
+            // If dynamics are removed, the estimate begins with the gain that was configured.
+            let begins_with_old = new.dynamics.is_none() && !emf_changed;
+            let gain = if begins_with_old { self.plant.b / self.gain_ratio } else { initial_gain(new) };
             (self.swings, self.gain_ratio) = (Swings::default(), 1.0);
             let (old_plant, was_at_speed) = (self.plant, self.is_at_speed());
             self.observer = self.present_state();
@@ -187,11 +187,7 @@ impl Regulator {
                 }
             }
             self.pass_voltage();
-            if new.dynamics.is_some() {
-                self.gain_estimate = None;
-            } else if !keeps_gain {
-                self.gain_estimate = Some(GainEstimate::new());
-            }
+            self.gain_estimate = new.dynamics.is_none().then(GainEstimate::new);
             self.restart_gain_estimate();
         } else if old.coefficients != new.coefficients {
             // PID does not find swings.
@@ -556,9 +552,11 @@ impl Regulator {
         } else {
             match self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
                 Some(Swing::Fast) => self.raise_gain(demand, context),
-                // The estimate may have been raised by mistake, so it must learn again.
-                Some(Swing::Slow) if self.gain_estimate.is_some() => {
-                    self.end_swings(context.settings, context.period);
+                // The estimate of a motor that does not come to its position may have been raised by mistake.
+                Some(Swing::Slow) if matches!(demand, Demand::Position { .. }) => {
+                    if let Some(estimate) = &mut self.gain_estimate {
+                        estimate.learn_again();
+                    }
                 }
                 _ => (),
             }
@@ -569,6 +567,10 @@ impl Regulator {
     /// Raises the acceleration per volt in use, because the speed swings. If a position swings on with the largest value,
     /// the swings have another cause, for example a load that swings: the value before is then in use again.
     fn raise_gain(&mut self, demand: Demand, context: &Context<'_>) {
+        if self.gain_estimate.as_ref().is_some_and(|estimate| !estimate.is_fixed()) {
+            // What was raised before has since been replaced by what was learned, or by the initial guess.
+            self.gain_ratio = 1.0;
+        }
         let (factor, ratio) = if self.gain_ratio < LARGEST_GAIN_RATIO {
             (GAIN_STEP, at_most(GAIN_STEP * self.gain_ratio, LARGEST_GAIN_RATIO))
         } else if let Demand::Position { .. } = demand {

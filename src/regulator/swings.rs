@@ -27,7 +27,8 @@ pub(super) struct Swings {
     side: i8,
     /// Time since the sign has changed, in ms.
     age_ms: u16,
-    /// Number of short half swings in a row. A negative number counts long half swings in a row.
+    /// Number of short half swings in a row. A negative number counts long half swings in a row. `i8::MAX`: see
+    /// [`NONE_COUNT`](Self::NONE_COUNT).
     half_swings: i8,
 }
 
@@ -55,7 +56,7 @@ impl Swings {
     /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to four ticks is
     /// short too.
     const SHORT_HALF_SWING_MS: u16 = 150;
-    /// Number of short half swings in a row that do not show yet that the speed swings.
+    /// Number of short or of long half swings in a row that do not show anything yet.
     const MOST_HALF_SWINGS: i8 = 3;
 }
 

@@ -53,7 +53,7 @@ pub struct ButtonInputs {
     pub now: Micros,
 }
 
-/// State of the contact and of the motors that it turns.
+/// State of the contact. While it is `Pressed`, the motors turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ContactState {
     Open,

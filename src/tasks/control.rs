@@ -99,7 +99,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 /// when a wait begins for a tick, and when the tick is due. The time driver keeps one wake-up time for each task in a queue. Each poll of a timer searches the whole queue.
 /// A plain `select` would poll the timer at each signal, which comes every millisecond. With a plain `select` the hub
 /// needs 2.09 % of an F429 for unknown motors and 2.15 % for PID at 50 ms, and so exceeds its limit of 2 %
-/// (`the_whole_hub_needs_little_of_the_core_every_50_ms`).
+/// (`the_whole_hub_needs_little_of_the_core`).
 ///
 /// * `timer_is_registered` is true once the queue has the time `due`. The queue keeps this time when the timer is dropped.
 /// * While `timer_is_registered` is true, the function only compares the clock with `due`.

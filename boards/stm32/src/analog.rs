@@ -67,8 +67,9 @@ impl Newest {
         measured.map(|measured| measured.sequence)
     }
 
-    /// Returns the newest readings as a host gets them. All are `None` if they are older than 20 ms. The words are the factory's readings of VREFINT, and of
-    /// the temperature sensor at 30 and at 110 degrees Celsius. They must be those of the chip that runs this code.
+    /// Returns the newest readings as a host gets them. All are `None` if they are older than 20 ms. The words are the
+    /// factory's readings of VREFINT, and of the temperature sensor at 30 and at 110 degrees Celsius. They must be those of
+    /// the chip that runs this code.
     pub(crate) fn readings(
         &self,
         vrefint_word: FactoryWord,

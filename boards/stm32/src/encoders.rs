@@ -6,11 +6,11 @@
 //! characteristics).
 //!
 //! The inputs are filtered (RM0090 18.4.7, IC1F and IC2F): a level counts when eight samples in a row agree. A sample is taken
-//! every 128 clocks of the timer. Eight samples take 12.2 us on a timer at 84 MHz, 6.1 us at 168 MHz, and 5.1 us at 200 MHz. The
+//! every 128 clocks of the timer. Eight samples take 12.8 us on a timer at 80 MHz, 6.1 us at 168 MHz, and 5.1 us at 200 MHz. The
 //! ringing of a bridge's edges on a neighbouring wire is shorter. At 10 000 counts/s a level lasts 200 us, 16 times as long as
-//! eight samples at 84 MHz. An edge of A and the next edge of B are then 100 us apart, and the filters shorten this time by one
-//! sample, 1.5 us, at most. A level must last as long as eight samples to be counted reliably: at 84 MHz this is so up to
-//! 164 000 counts/s.
+//! eight samples at 80 MHz. An edge of A and the next edge of B are then 100 us apart, and the filters shorten this time by one
+//! sample, 1.6 us, at most. A level must last as long as eight samples to be counted reliably: at 80 MHz this is so up to
+//! 156 000 counts/s.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;

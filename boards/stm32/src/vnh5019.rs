@@ -71,7 +71,8 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
     pub fn new(timer: Peri<'static, T>) -> Self {
         let timer = Timer::new(timer);
         timer.set_counting_mode(CountingMode::EdgeAlignedUp);
-        // A period has 8400 ticks at 168 MHz and 10 000 ticks at 200 MHz, so a duty has a resolution of 13 bits.
+        // A period has 8400 ticks at 168 MHz and 10 000 ticks at 200 MHz, so a duty has a resolution of 13 bits. At 80 MHz
+        // it has 4000 ticks, which are 12 bits.
         let period_ticks = u16::try_from(timer.get_clock_frequency().0 / PWM_HZ).unwrap_or(u16::MAX);
         timer.set_max_compare_value((period_ticks - 1).into());
         timer.set_autoreload_preload(true);

@@ -292,6 +292,12 @@ fn a_motor_is_enabled_by_a_set_point_only_if_the_set_point_is_accepted() {
         page.until("a refusal", |message| message["kind"] == "refused");
         assert_eq!(page.frame()["motors"][0]["enabled"], false, "{order}");
     }
+    for speed in [0, -300] {
+        page.order(&json!({ "drive": { "motor": 0, "mode": "position", "value": 0, "speed": speed } }));
+        page.until("the allowed speeds", |message| {
+            message["why"].as_str().is_some_and(|why| why.contains("allowed is 1 to 32767 counts/s"))
+        });
+    }
     page.order(&json!({ "drive": { "motor": 0, "mode": "velocity", "value": 0, "enable": true } }));
     page.order(&json!({ "current": { "motor": 1, "amperes": 0.5, "enable": true } }));
     page.until("two enabled motors", |message| {

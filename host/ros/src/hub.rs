@@ -665,16 +665,20 @@ impl Connected {
         }
         let session = &mut self.session;
         let progress = match first {
-            Some(identifying) => identifying.step(session),
+            Some(identifying) => identifying.step(session).and_then(|progress| {
+                if let Progress::Ended(Identification::Found(found)) = &progress {
+                    session.set_dynamics(motor, Some(found.dynamics))?;
+                    session.enable(motor, false)?;
+                }
+                Ok(progress)
+            }),
             None => IdentifyingMotor::begin(session, motor, u32::MAX).and_then(|identifying| {
                 *first = Some(identifying);
                 session.enable(motor, true).map(|()| Progress::Braking)
             }),
         };
         match progress {
-            Ok(Progress::Ended(Identification::Found(found))) => {
-                session.set_dynamics(motor, Some(found.dynamics))?;
-                session.enable(motor, false)?;
+            Ok(Progress::Ended(Identification::Found(_))) => {
                 joints.pop_front();
                 *first = None;
                 Ok(())
@@ -689,6 +693,7 @@ impl Connected {
             Err(Error::Refused { reason, .. }) => {
                 self.identified(Err(format!("{name}: the hub refuses: {reason}")))
             }
+            Err(error @ Error::TooOld { .. }) => self.identified(Err(format!("{name}: {error}"))),
             Err(error) => Err(error),
         }
     }

@@ -224,6 +224,7 @@ mod tests {
     fn keys_and_tokens_are_those_of_rmw_zenoh() {
         let node = node(Distribution::Jazzy);
         assert_eq!(node.entity_token(&STATES, 1), TOKEN);
+        assert_eq!(gid(TOKEN), GID);
         assert_eq!(node.token(), "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%hub0/motor_hub");
         let stop = Entity { kind: Kind::Service, name: "/hub0/stop", of: TRIGGER, latched: false };
         assert_eq!(node.key(&stop), format!("0/hub0/stop/std_srvs::srv::dds_::Trigger_/{}", TRIGGER.hash));

@@ -102,11 +102,12 @@ fn start() {
     pac::ADC1.cr2().modify(|w| w.set_swstart(true));
 }
 
-/// Switches a converter off and on. It is stable after 3 us (STM32F429 data sheet, ADC characteristics, t_STAB).
+/// Switches a converter off and on. It is stable after 3 us (STM32F429 data sheet, ADC characteristics, t_STAB). A wait may be
+/// shorter than asked for by a microsecond.
 pub(super) fn power_cycle(converter: pac::adc::Adc) {
     for on in [false, true] {
         converter.cr2().modify(|w| w.set_adon(on));
-        block_for(Duration::from_micros(3));
+        block_for(Duration::from_micros(4));
     }
 }
 

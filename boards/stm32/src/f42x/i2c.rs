@@ -13,7 +13,7 @@ use embassy_time::Timer;
 /// Clock of the controllers, PCLK1, in MHz.
 const CLOCK_MHZ: u16 = 42;
 
-/// Time in microseconds between two checks whether a stop condition is complete. It is one clock period at 100 kHz.
+/// Time in microseconds between two checks whether a stop condition is complete. It is about one clock period.
 const STOP_MICROS: u64 = 10;
 
 i2c_controllers! {

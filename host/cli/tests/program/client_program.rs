@@ -279,6 +279,7 @@ fn watching_gives_a_document_per_interval() {
     assert_eq!(lines[0]["battery_v"], 12.345);
     let motor = &lines[0]["motors"][1];
     assert_eq!((&motor["velocity"], &motor["rpm"]), (&840.into(), &30.0.into()));
+    assert!((motor["rad_per_s"].as_f64().unwrap() - std::f64::consts::PI).abs() < 1e-3, "{motor}");
     assert_eq!(lines[0]["motors"].as_array().unwrap().len(), 4);
 }
 

@@ -66,6 +66,7 @@ fn ctrl_c_while_the_hub_exchanges_the_images_says_that_the_update_goes_on() {
     signal(process.id(), "-INT");
     let output = process.wait_with_output().unwrap();
     fails(&output, 1, "stopped by Ctrl-C: the update goes on");
+    fails(&output, 1, "or tries the new firmware");
     fails(&output, 1, "answers again after some 20 s");
 }
 

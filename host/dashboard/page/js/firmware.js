@@ -72,7 +72,7 @@ export function firmwareForm(link) {
       setText(says, `${chosen.name} is sent …`);
       const sealed = signature && { signature: await hex(signature), key: await hex(key) };
       for (let offset = 0; offset < bytes.length; offset += PART) link.order("firmware", { offset, hex: hexOf(bytes.subarray(offset, offset + PART)) });
-      link.order("update", { version, seal: sealed });
+      if (!link.order("update", { version, seal: sealed })) throw new Error("the connection to the program is lost: send the file again");
     } catch (error) {
       end(`${chosen.name}: ${/** @type {Error} */ (error).message}.`);
     }

@@ -35,7 +35,7 @@ export class Link {
     if (message.kind === "welcome" && document.hidden) this.hide();
     this.onMessage(message);
     if (message.kind === "frame") this.newest = message.number;
-    // After a hub was lost no frame comes, with which a hidden page could acknowledge the newest one.
+    // After a message about the line no frame comes, with which a hidden page could acknowledge the newest one.
     else if (message.kind === "line") this.acknowledgedAt = 0;
     // A hidden page is not painted. The server allows that for some seconds.
     if (document.hidden) this.acknowledge(this.newest);
