@@ -297,7 +297,7 @@ impl Motor {
         let follows = matches!((from, to), (Setpoint::Follow(_), Setpoint::Follow(_)));
         if to != from && !follows {
             self.settle_detector.reset();
-            self.regulator.end_swings(&self.settings, self.period);
+            self.regulator.end_swings();
         }
         if to != from && !from.continues_as(to, self.position) {
             let transition = if self.end_examination() {

@@ -122,6 +122,8 @@ pub struct Regulator {
     /// Factor by which the acceleration per volt was raised because the speed swings, 1 to [`LARGEST_GAIN_RATIO`]: of a
     /// configured motor the value in use, of an unknown motor the estimate. See [`end_swings`](Self::end_swings).
     gain_ratio: f32,
+    /// True until the first step of a new set-point has ended, see [`end_swings`](Self::end_swings).
+    ends_swings: bool,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
@@ -153,6 +155,7 @@ impl Regulator {
             hunting: Hunting::default(),
             swings: Swings::default(),
             gain_ratio: 1.0,
+            ends_swings: false,
             stream: Stream::default(),
             last: None,
             predicted_until: Micros::new(0),
@@ -191,7 +194,7 @@ impl Regulator {
             self.restart_gain_estimate();
         } else if old.coefficients != new.coefficients {
             // PID does not find swings.
-            self.end_swings(new, period);
+            self.end_swings();
         }
         let pid_changed = emf_changed
             || dynamics_changed
@@ -371,10 +374,15 @@ impl Regulator {
         self.pass_voltage();
     }
 
-    /// Begins the search for swings again. The configured acceleration per volt is in use again if it was raised. The
-    /// raised estimate of an unknown motor stays. Must be called for each new set-point.
-    pub fn end_swings(&mut self, settings: &Settings, period: Period) {
-        self.swings = Swings::default();
+    /// After the next step the search for swings begins again, and the configured acceleration per volt is in use again if
+    /// it was raised. The raised estimate of an unknown motor stays. Must be called for each new set-point.
+    pub const fn end_swings(&mut self) {
+        self.ends_swings = true;
+    }
+
+    /// Begins the search for swings again, see [`end_swings`](Self::end_swings).
+    fn search_again(&mut self, settings: &Settings, period: Period) {
+        (self.swings, self.ends_swings) = (Swings::default(), false);
         self.set_gain_ratio(1.0, settings, period);
         if let Some(estimate) = &mut self.gain_estimate {
             estimate.learn_again();
@@ -499,6 +507,9 @@ impl Regulator {
                 self.loops.step(demand, &inputs, context)
             }
         };
+        if self.ends_swings {
+            self.search_again(context.settings, context.period);
+        }
         self.requested = output.speed;
         self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
@@ -548,8 +559,8 @@ impl Regulator {
         // observer is changed by the same amount.
         self.observer.add_load(present.load() - load);
         if let Demand::Follow(_) = demand {
-            self.end_swings(context.settings, context.period);
-        } else {
+            self.end_swings();
+        } else if !self.ends_swings {
             match self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
                 Some(Swing::Fast) => self.raise_gain(demand, context),
                 // The estimate of a motor that does not come to its position may have been raised by mistake.
