@@ -276,12 +276,15 @@ fn a_held_motor_with_too_much_inertia_configured_rests_with_a_bridge_that_never_
     }
 }
 
+/// Something that is done with a motor.
+type Act = fn(&mut Bench<1>);
+
 #[test]
 fn a_motor_that_was_shaken_in_its_position_is_softer_until_its_next_set_point_or_other_coefficients() {
     let motor = neverest_60();
     let stall = motor.kt.0 * BATTERY / motor.r.0 * motor.gear_ratio * motor.eta;
     // Largest change of the speed at a sudden load.
-    let moved = |shaken: bool, and_then: fn(&mut Bench<1>)| {
+    let moved = |shaken: bool, and_then: Act| {
         let settings = configured(&motor, &Load::NONE);
         let mut bench = Bench::one(settings, plant(motor, Load::NONE), Period::DEFAULT.as_millis());
         bench.set(0, velocity(1_000));
@@ -303,7 +306,7 @@ fn a_motor_that_was_shaken_in_its_position_is_softer_until_its_next_set_point_or
     };
     let softer = |and_then| moved(true, and_then) / moved(false, and_then);
     assert!(softer(|_| ()) > 1.2, "{}", softer(|_| ()));
-    let next: [(&str, fn(&mut Bench<1>)); 4] = [
+    let next: [(&str, Act); 4] = [
         ("velocity 1000", |bench| bench.set(0, velocity(1_000))),
         ("velocity 0", |bench| bench.set(0, velocity(0))),
         ("position 0", |bench| bench.set(0, position(0, 5, 2_000))),
