@@ -250,10 +250,11 @@ pub(crate) fn drive(
     enable: bool,
 ) -> Result<(), Error> {
     session.set_setpoint(motor, setpoint, zero)?;
-    if enable {
+    // A hub takes a constant current for enabled motors only.
+    let is_current = matches!(setpoint, Setpoint::Current { .. });
+    if enable && !(is_current && session.enabled(motor)?) {
         session.enable(motor, true)?;
-        if let Setpoint::Current { .. } = setpoint {
-            // A hub takes a constant current for enabled motors only.
+        if is_current {
             session.set_setpoint(motor, setpoint, zero)?;
         }
     }
