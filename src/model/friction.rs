@@ -133,17 +133,6 @@ mod tests {
     }
 
     #[test]
-    fn cogging_is_periodic_and_stable_at_angle_0() {
-        let tooth = core::f64::consts::TAU / 10.0;
-        for angle in [0.0, 0.05, 0.2, -0.31] {
-            assert!((COGGING.torque(angle).0 - COGGING.torque(angle + tooth).0).abs() < 1e-17);
-        }
-        assert_eq!(COGGING.torque(0.0), NewtonMetres(0.0));
-        assert!(COGGING.torque(0.01).0 < 0.0 && COGGING.torque(-0.01).0 > 0.0);
-        assert!((COGGING.torque(tooth / 4.0).0 + 2e-3).abs() < 1e-18);
-    }
-
-    #[test]
     fn breakaway_torque_is_at_least_the_coulomb_torque() {
         let friction = Friction { coulomb: NewtonMetres(1.0), breakaway: NewtonMetres(0.0) };
         assert!(friction.sticks(1.0) && friction.sticks(-1.0) && !friction.sticks(1.001));

@@ -8,7 +8,7 @@ use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
-use motor_hub::model::switching::{Bridge, Circuit, Conditions};
+use motor_hub::model::switching::Bridge;
 
 const BATTERY: Volts = Volts(crate::BATTERY);
 const PWM: Hertz = Hertz(20e3);
@@ -187,22 +187,6 @@ fn every_motor_breaks_away_at_the_voltage_of_its_breakaway_torque() {
 }
 
 #[test]
-fn under_pulses_the_mean_torque_breaks_away() {
-    let motor = am60(5.0, 0.0);
-    let circuit = Circuit::new(&motor, Bridge::IDEAL);
-    for (percent, moves) in [(6.4, false), (6.6, true)] {
-        let current = Amps(percent / 100.0 * BATTERY.0 / motor.r.0);
-        let at = Conditions { battery: BATTERY, emf: Volts(0.0) };
-        let pwm = circuit.duty_for_current(current, PWM, at);
-        assert!(pwm.duty < 0.5, "pulses");
-        let mut plant = bare(motor);
-        let command = PlantInput { on: pwm.on, off: pwm.off, duty: pwm.duty, ..PlantInput::COAST };
-        plant.run(Seconds(0.1), command, BATTERY);
-        assert_eq!(plant.speed().0 > 0.0, moves, "{percent} %");
-    }
-}
-
-#[test]
 fn coasting_down_ends_when_the_closed_form_says_and_where() {
     for name in ["AM 60 A", "AM 3.7 B", "CoreHex A"] {
         for coulomb in [0.5, 5.0, 20.0] {
@@ -232,41 +216,6 @@ fn coasting_down_ends_when_the_closed_form_says_and_where() {
                 assert_eq!((plant.speed().0, plant.angle()), (0.0, there), "{name} {coulomb}");
             }
         }
-    }
-}
-
-#[test]
-fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
-    let motor = Motor { b: Drag(0.0), ..am60(5.0, 0.0) };
-    let ratio = Shaft::new(&motor, &Load::NONE).torque_ratio;
-    let (coulomb, breakaway) = (motor.friction.coulomb.0, motor.friction.breakaway.0);
-    // The free shaft oscillates on the spring at 20 Hz. The spring is pulled so slowly that a slip takes no time in
-    // comparison.
-    let stiffness = motor.j.0 * (std::f64::consts::TAU * 20.0).powi(2);
-    let pull = (breakaway - coulomb) / stiffness;
-    let mut plant = bare(motor);
-    let mut slips: Vec<f64> = Vec::new();
-    let (mut from, mut moving) = (0.0, false);
-    for step in 0..400_000 {
-        let torque = stiffness * (pull * f64::from(step) * 5e-5 - plant.angle());
-        let torque_after = NewtonMetres(torque / ratio);
-        plant.run(Seconds(5e-5), PlantInput { torque_after, ..PlantInput::COAST }, BATTERY);
-        let moves = plant.speed().0 != 0.0;
-        if moving && !moves {
-            slips.push(plant.angle() - from);
-        }
-        if !moving {
-            from = plant.angle();
-        }
-        assert!(plant.speed().0 >= 0.0, "step {step}: it never turns back");
-        moving = moves;
-    }
-    // A slip is half an oscillation about the position at which spring and Coulomb friction balance. It is twice the
-    // distance to this position.
-    let slip = 2.0 * (breakaway - coulomb) / stiffness;
-    assert_eq!(slips.len(), 1 + ((20.0 * pull - breakaway / stiffness) / slip) as usize);
-    for got in &slips {
-        close(got / slip, 1.0, 0.02, &slips);
     }
 }
 
@@ -345,27 +294,5 @@ fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
         assert!(plant.angle() > 5.0 * std::f64::consts::TAU, "{share}: {}", plant.angle());
         close(fastest / start, 1.0, 1e-6, share);
         close(slowest / start, (1.0 - 1.0 / share).sqrt(), 2e-3, share);
-    }
-}
-
-#[test]
-fn a_rotor_swings_in_its_notch_as_a_pendulum_does() {
-    let motor = Motor { b: Drag(0.0), ..am60(0.0, 5.0) };
-    let teeth = f64::from(motor.cogging.per_turn);
-    let own = (motor.cogging.amplitude.0 * teeth / motor.j.0).sqrt();
-    // `swing` is the amplitude of the pendulum in rad. Its period is 1 / agm(1, cos(swing / 2)) times the period of
-    // small swings; agm is the arithmetic-geometric mean.
-    for swing in [0.01_f64, 1.0, 3.0] {
-        let (mut a, mut g) = (1.0, (0.5 * swing).cos());
-        for _ in 0..8 {
-            (a, g) = (0.5 * (a + g), (a * g).sqrt());
-        }
-        let period = std::f64::consts::TAU / own / a;
-        let mut plant = bare(motor);
-        plant.set_state(Amps(0.0), RadPerSec(0.0), swing / teeth);
-        plant.run(Seconds(20.0 * period), PlantInput::COAST, BATTERY);
-        close(plant.angle() * teeth / swing, 1.0, 2e-3, swing);
-        plant.run(Seconds(0.5 * period), PlantInput::COAST, BATTERY);
-        close(plant.angle() * teeth / swing, -1.0, 2e-3, swing);
     }
 }

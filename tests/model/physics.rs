@@ -165,27 +165,6 @@ fn a_dwell_agrees_with_integration_in_small_steps_through_zero() {
 }
 
 #[test]
-fn dwelling_in_pieces_is_dwelling_at_once() {
-    let circuit = Circuit::new(&am60(), BRIDGE);
-    for state in State::ALL {
-        for emf in [-14.0, -6.0, -0.2, 0.0, 6.0, 14.0] {
-            for start in [-2.5, 0.0, 2.5] {
-                let (mut whole, mut pieces) = (Integrals::default(), Integrals::default());
-                let end = circuit.dwell(state, Amps(start), at(emf), Seconds(5e-4), &mut whole);
-                let mut current = Amps(start);
-                for _ in 0..50 {
-                    current = circuit.dwell(state, current, at(emf), Seconds(1e-5), &mut pieces);
-                }
-                close(current.0, end.0, 1e-12, (state, emf, start));
-                close(pieces.current, whole.current, 1e-15, (state, emf, start));
-                close(pieces.square, whole.square, 1e-15, (state, emf, start));
-                close(pieces.idle, whole.idle, 1e-15, (state, emf, start));
-            }
-        }
-    }
-}
-
-#[test]
 fn the_bridge_conserves_energy() {
     for motor in motors() {
         let circuit = Circuit::new(&motor, BRIDGE);
@@ -339,23 +318,6 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
             }
         }
     }
-}
-
-#[test]
-fn plant_run_in_uneven_pieces_is_one_run() {
-    let command = PlantInput::pwm(Mode::Cw98, 0.37);
-    let new = || Plant::new(am60(), Load::inertia(KgM2(0.01)), BRIDGE, Hertz(15.6e3));
-    let (mut whole, mut pieces) = (new(), new());
-    let at_once = whole.run(Seconds(0.1), command, Volts(BATTERY));
-    let mut sum = Flow::default();
-    for piece in [0.37e-3, 0.63e-3].iter().cycle().take(200) {
-        sum.append(&pieces.run(Seconds(*piece), command, Volts(BATTERY)));
-    }
-    close(pieces.current().0, whole.current().0, 1e-4, "current");
-    close(pieces.speed().0, whole.speed().0, 1e-3, "speed");
-    close(pieces.angle(), whole.angle(), 1e-3, "angle");
-    close(sum.charge.0, at_once.charge.0, 1e-6, "charge");
-    close(sum.time.0, 0.1, 1e-12, "time");
 }
 
 #[test]
