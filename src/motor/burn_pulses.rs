@@ -329,18 +329,6 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_lasts_for_milliseconds() {
-        let mut pulses = BurnPulses::NONE;
-        let (mut changes, mut before) = (0, Pulse::Short);
-        for ms in 0..1_000 {
-            let (pulse, _) = step(&mut pulses, ms, [3.0, 6.0], 0, true);
-            changes += u32::from(pulse != before);
-            before = pulse;
-        }
-        assert!((100..250).contains(&changes), "{changes} changes of the pulse in a second");
-    }
-
-    #[test]
     fn a_short_circuit_ends_only_when_the_motor_may_end_it_and_its_surplus_is_compensated() {
         let mut pulses = BurnPulses::NONE;
         let mut pulse_at = |ms, may_end_short| step(&mut pulses, ms, [3.0, 6.0], 0, may_end_short).0;
