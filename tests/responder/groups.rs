@@ -1,6 +1,6 @@
 //! A host moves motors together: the commands to the motors, and their order.
 
-use crate::host::{Answer, N, TestHost};
+use crate::host::{Answer, N, TestHost, WITHOUT_COMMAND};
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::{FIRST_FUNCTION, MotorFunction};
 use motor_hub::group::{Course, GroupCommand, Halt};
@@ -67,7 +67,7 @@ fn enabling_a_member_again_and_a_target_of_another_mode_leave_the_group_alone() 
     let mut host = enabled();
     ask(&mut host, 1, pair(500, -500));
     host.new_commands();
-    host.do_all(&[(10, &[1, 1]), (17, &[1, 100, 0]), (19, &[1, 100, 0, 0, 0, 5, 0])]);
+    host.do_all(&WITHOUT_COMMAND);
     assert_eq!(host.new_commands(), []);
     host.do_all(&[(8, &[1, 1, 0])]);
     let setpoint = Setpoint::Velocity(CountsPerSecond::new(100));
@@ -79,9 +79,7 @@ fn a_course_ends_an_identification() {
     let mut host = enabled();
     let identified = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 5, &[1]);
     host.ask(FIRST_FUNCTION + 4, &[1, 0xF4, 1, 0, 0]);
-    host.new_commands();
-    assert_eq!(identified(&mut host), Answer::Data(vec![1, 0]), "in no snapshot yet");
-    host.tick();
+    host.expect_until_included(identified, Answer::Data(vec![1, 0]));
     assert_eq!(ask(&mut host, 1, pair(1, 2)), Answer::Ack(0));
     host.new_commands();
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Stopped);
@@ -188,39 +186,21 @@ fn a_request_to_a_motor_outside_the_group_is_refused() {
 #[test]
 fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
     let mut host = enabled();
-    let state = |host: &mut TestHost| host.ask(STATE, &[1]);
-    assert_eq!(state(&mut host), Answer::Data(vec![0]));
+    let state = |host: &mut TestHost| (host.ask(STATE, &[1]).data()[0], host.reported(1).settled);
+    assert_eq!(state(&mut host), (0, false));
 
     // A report that is older than the course does not say that it is at its end.
     let settled =
         Report { setpoint: Setpoint::Follow(Reference::default()), settled: true, ..Report::INITIAL };
     host.snapshot.motors[1] = settled;
     ask(&mut host, 1, pair(1, 2));
-    assert_eq!(state(&mut host), Answer::Data(vec![1]), "not sent yet");
-    assert!(!host.reported(1).settled, "not sent yet");
-    host.new_commands();
-    host.snapshot.tick += 5;
-    assert_eq!(state(&mut host), Answer::Data(vec![1]), "in no snapshot yet");
-    assert!(!host.reported(1).settled, "in no snapshot yet");
-    host.tick();
-    assert_eq!(state(&mut host), Answer::Data(vec![2]));
-    assert!(host.reported(1).settled);
+    host.expect_until_included(state, (1, false));
+    assert_eq!(state(&mut host), (2, true));
     host.snapshot.motors[1].settled = false;
-    assert_eq!(state(&mut host), Answer::Data(vec![1]));
-}
-
-#[test]
-fn a_member_that_gets_a_target_of_its_own_is_alone_even_before_a_snapshot_says_so() {
-    let mut host = enabled();
-    ask(&mut host, 1, pair(1, 2));
-    host.new_commands();
-    host.tick();
-    host.snapshot.motors[1] = Report { setpoint: Setpoint::Follow(Reference::default()), ..Report::INITIAL };
-    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![1]));
+    assert_eq!(state(&mut host), (1, false));
+    // A member that gets a target of its own is alone, also before a snapshot says so.
     host.do_all(&[(15, &[1, 0, 1])]);
-    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![0]), "not sent yet");
-    host.new_commands();
-    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![0]), "in no snapshot yet");
+    host.expect_until_included(state, (0, false));
 }
 
 #[test]

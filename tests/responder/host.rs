@@ -81,6 +81,11 @@ impl Answer {
 pub(crate) const FULL: Equipment =
     Equipment { digital: 0xFF, servos: 6, analog: 4, i2c: 4, rail: true, temperature: true };
 
+/// Requests that command nothing to motor 1, which is enabled in mode power: *set enable*, and the targets of the other
+/// modes.
+pub(crate) const WITHOUT_COMMAND: [(u16, &[u8]); 3] =
+    [(10, &[1, 1]), (17, &[1, 100, 0]), (19, &[1, 100, 0, 0, 0, 5, 0])];
+
 pub(crate) struct TestHost {
     pub(crate) responder: Responder<N>,
     pub(crate) decoder: Decoder,
@@ -211,6 +216,21 @@ impl TestHost {
     /// A control tick: the next snapshot includes all commands that were sent.
     pub(crate) fn tick(&mut self) {
         self.snapshot.newest_command = self.commands;
+    }
+
+    /// Asserts that the hub gives this answer until a snapshot includes all commands, however many ticks pass before.
+    pub(crate) fn expect_until_included<T: PartialEq + std::fmt::Debug>(
+        &mut self,
+        mut ask: impl FnMut(&mut Self) -> T,
+        answer: T,
+    ) {
+        assert_eq!(ask(self), answer, "not sent yet");
+        self.new_commands();
+        for _ in 0..3 {
+            self.snapshot.tick += 1;
+            assert_eq!(ask(self), answer, "in no snapshot yet");
+        }
+        self.tick();
     }
 
     /// Sets the battery voltage in mV and the stage of the draw that the hub has measured.

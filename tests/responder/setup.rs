@@ -1,6 +1,6 @@
 //! Settings of a motor, and the reports of the extension.
 
-use crate::host::{Answer, TestHost, responder_with, settings};
+use crate::host::{Answer, TestHost, WITHOUT_COMMAND, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
@@ -168,11 +168,6 @@ fn any_other_target_or_disabling_ends_an_identification() {
     }
 }
 
-/// Requests that command nothing to motor 1, which is enabled in mode power: *set enable*, *reset encoder*, and the
-/// targets of the other modes.
-const WITHOUT_COMMAND: [(u16, &[u8]); 4] =
-    [(10, &[1, 1]), (14, &[1]), (17, &[1, 100, 0]), (19, &[1, 100, 0, 0, 0, 5, 0])];
-
 #[test]
 fn an_identification_and_a_constant_current_go_on_after_requests_that_command_nothing() {
     let current = [&[1][..], &800i32.to_le_bytes(), &500u16.to_le_bytes()].concat();
@@ -181,6 +176,8 @@ fn an_identification_and_a_constant_current_go_on_after_requests_that_command_no
         assert!(!matches!(host.ask(FIRST_FUNCTION + function, &payload), Answer::Nack(_)));
         host.new_commands();
         host.do_all(&WITHOUT_COMMAND);
+        // Reset encoder.
+        host.do_all(&[(14, &[1])]);
         assert_eq!(host.new_commands(), [], "function {function}");
     }
 }
@@ -220,15 +217,9 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
     host.tick();
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
     learn(&mut host, 500);
-    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "not sent yet");
-    host.new_commands();
-    for _ in 0..3 {
-        // The answer does not depend on the number of ticks before the command is applied.
-        host.snapshot.tick += 1;
-        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "in no snapshot yet");
-    }
-    host.tick();
-    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![3, 8]));
+    let identification = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 5, &[1]);
+    host.expect_until_included(identification, Answer::Data(vec![1, 0]));
+    assert_eq!(identification(&mut host), Answer::Data(vec![3, 8]));
 }
 
 #[test]

@@ -41,6 +41,13 @@ fn powered_on(found: Found) -> TestHost {
     host
 }
 
+/// Returns a host at a hub whose firmware was built with these settings, and which restores these stored settings.
+fn built_with(settings: Settings, found: Found) -> TestHost {
+    let mut host = TestHost { responder: responder_with(settings), ..TestHost::new() };
+    host.responder.restore(found);
+    host
+}
+
 fn empty() -> TestHost {
     powered_on(Found::without_record(Stored::Nothing, 0))
 }
@@ -159,15 +166,10 @@ fn with_an_empty_memory_the_firmwares_settings_apply() {
 #[test]
 fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     // The board configures the motion.
-    let known = {
-        let mut host = empty();
-        set_everything(&mut host);
-        let mut commands = host.new_commands().into_iter().filter_map(|command| match command {
-            Command::Configure { motor: 2, settings } => Some(settings),
-            _ => None,
-        });
-        Settings { coefficients: None, ..commands.next_back().expect("configured") }
-    };
+    let mut configuring = empty();
+    set_all(&mut configuring, 2);
+    let last = *configuring.new_settings().last().expect("configured");
+    let known = Settings { coefficients: None, ..last };
     let mut host = TestHost { responder: responder_with(known), ..TestHost::new() };
     let setup = host.ask(FIRST_FUNCTION + 1, &[1]).data();
     let before = all(&mut host);
@@ -257,15 +259,12 @@ fn all_motors_with_all_settings_fit() {
 fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
     const SET_LIMIT: u16 = FIRST_FUNCTION + 28;
     let factory = Settings { current_limit: NonZeroU16::new(800), ..settings() };
-    let started = || TestHost { responder: responder_with(factory), ..TestHost::new() };
-    let mut host = started();
-    host.responder.restore(Found::without_record(Stored::Nothing, 0));
+    let mut host = built_with(factory, Found::without_record(Stored::Nothing, 0));
     assert_eq!(host.group(SET_LIMIT + 1, 1), [0x20, 3]);
     host.ask(SET_LIMIT, &[1, 0, 0]);
     let record = save(&mut host);
     assert!(!report(&mut host).differs);
-    let mut again = started();
-    again.responder.restore(found(&record));
+    let mut again = built_with(factory, found(&record));
     assert_eq!(again.group(SET_LIMIT + 1, 1), [0, 0]);
     assert_eq!(again.group(SET_LIMIT + 1, 0), [0x20, 3]);
 }
@@ -274,12 +273,7 @@ fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
 fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
     let velocity = Pidf { p: Coefficient::from_bits(10 << 16), ..Pidf::default() };
     let coefficients = Some(Coefficients { velocity, position: Pidf::default() });
-    let started = |record: Found| {
-        let responder = responder_with(Settings { coefficients, ..settings() });
-        let mut host = TestHost { responder, ..TestHost::new() };
-        host.responder.restore(record);
-        host
-    };
+    let started = |found| built_with(Settings { coefficients, ..settings() }, found);
     let mut host = started(Found::without_record(Stored::Nothing, 0));
     assert_eq!(report(&mut host).coefficients, 0b1111);
     // The set-up of motor 1 deletes the coefficients, although none of its values changes.
@@ -478,26 +472,18 @@ fn a_save_without_room_does_not_drop_an_address_that_waits() {
 }
 
 #[test]
-fn a_load_that_fails_changes_no_settings() {
+fn no_motor_is_enabled_until_a_load_has_ended_and_a_load_that_fails_changes_no_settings() {
     let mut host = empty();
     set_everything(&mut host);
+    host.do_all(&[(15, &[1, 0, 0x10])]);
     let before = all(&mut host);
     host.ask(LOAD, &[]);
+    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
     order(&mut host);
+    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
     host.responder.store_done(Some(Found::without_record(Stored::Nothing, 0)), Outcome::Refused);
-    assert_eq!(all(&mut host), before);
-}
-
-#[test]
-fn no_motor_is_enabled_until_a_load_has_ended() {
-    let mut host = empty();
-    host.do_all(&[(15, &[1, 0, 0x10])]);
-    host.ask(LOAD, &[]);
-    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
-    order(&mut host);
-    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
-    host.responder.store_done(None, Outcome::Refused);
     host.call(10, &[1, 1]).done();
+    assert_eq!(all(&mut host), before);
 }
 
 #[test]
@@ -619,12 +605,8 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     // Fields that a later version has added to a group follow the bytes of 0.1.0.
     let entries = BY_FIRMWARE_0_1_0.map(|(id, payload)| (id, bytes_of(payload)));
     let stored = record(&entries.each_ref().map(|(id, payload)| (*id, &payload[..])));
-    let mut responder = TestHost::new().responder;
-    responder.restore(found(&stored));
-    let address = responder.address();
-    assert_eq!(address.get(), 9);
-
-    let mut host = TestHost { responder, ..TestHost::new() };
+    let mut host = built_with(settings(), found(&stored));
+    assert_eq!(host.responder.address().get(), 9);
     let configured = host.new_settings();
     let pid = |[p, i, d, f]: [i32; 4]| {
         let [p, i, d, f] = [p, i, d, f].map(Coefficient::from_bits);
