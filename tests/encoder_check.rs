@@ -4,13 +4,10 @@ mod common;
 
 use common::{
     Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, inertia, neverest_60, plant,
-    position, unknown, velocity,
+    position, rotors, rough, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::model::catalogue::Motor;
-use motor_hub::model::friction::Friction;
-use motor_hub::model::si::NewtonMetres;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{EncoderFault, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
@@ -128,24 +125,22 @@ fn a_motor_at_a_stop_is_probed_at_most_once_and_has_no_fault() {
 #[test]
 fn a_motor_with_a_current_limit_at_a_hard_stop_is_stalled_and_its_encoder_has_no_fault() {
     let motor = neverest_60();
-    let friction = Friction::with_coulomb(NewtonMetres(0.5 * motor.kt.0 / (motor.r.0 + 0.1)));
-    let rotor = motor.j.0 * motor.eta * motor.gear_ratio * motor.gear_ratio;
     for period in [1, 10, 50] {
-        for rotors in [1.0, 2.0, 4.0] {
+        for times in [1.0, 2.0, 4.0] {
             for limit_ma in [300, 400, 600, 800] {
-                let load = inertia((rotors - 1.0) * rotor);
+                let load = rotors(&motor, times);
                 let mut settings = configured(&motor, &load);
                 settings.current_limit = NonZeroU16::new(limit_ma);
                 if let Some(dynamics) = &mut settings.dynamics {
                     dynamics.friction = Millivolts::new(500);
                 }
-                let mut bench = Bench::one(settings, plant(Motor { friction, ..motor }, load), period);
+                let mut bench = Bench::one(settings, plant(rough(motor, 0.5), load), period);
                 bench.set(0, velocity(1_000));
                 bench.run_ms(4_000);
                 let stop = bench.counts(0) + 20.0;
                 bench.axes[0].stops.1 = stop;
                 bench.run_ms(4_000);
-                let what = format!("{rotors} rotors, {limit_ma} mA, {period} ms period");
+                let what = format!("{times} rotors, {limit_ma} mA, {period} ms period");
                 assert_eq!(fault(&bench), None, "{what}");
                 assert!(bench.report().stalled, "{what}: {:?}", bench.report());
             }

@@ -3,14 +3,15 @@
 
 mod common;
 
-use common::{Bench, Cable, free_cps, inertia, motor, plant, unknown, velocity};
+use common::{Bench, Cable, free_cps, inertia, motor, plant, rotors, unknown, velocity};
+use motor_hub::model::load::Load;
 
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
 
-/// Sets up an unknown motor with an inertia at its output, in kg m².
-fn bench(name: &str, kg_m2: f64, period_ms: u32, at_counts: f64) -> Bench<1> {
+/// Sets up an unknown motor with a load.
+fn bench(name: &str, load: Load, period_ms: u32, at_counts: f64) -> Bench<1> {
     let motor = motor(name);
-    let mut bench = Bench::one(unknown(&motor), plant(motor, inertia(kg_m2)), period_ms);
+    let mut bench = Bench::one(unknown(&motor), plant(motor, load), period_ms);
     bench.place(0, at_counts, 0.0);
     bench
 }
@@ -21,7 +22,7 @@ fn a_heavy_unknown_motor_that_slows_down_after_a_long_steady_speed_has_a_sound_e
         [("CoreHex A", 0.0, 500, 100), ("CoreHex C", 0.0, 500, 100), ("AM 3.7 B", 0.05, 700, 200)]
     {
         for period_ms in PERIODS_MS {
-            let mut bench = bench(name, kg_m2, period_ms, 0.5);
+            let mut bench = bench(name, inertia(kg_m2), period_ms, 0.5);
             bench.set(0, velocity(fast));
             bench.run_ms(40_000);
             bench.set(0, velocity(slow));
@@ -38,7 +39,7 @@ fn a_heavy_unknown_motor_that_hardly_starts_has_a_sound_encoder() {
     for (name, kg_m2) in [("AM 60 A", 10.0), ("AM 20 A", 2.0)] {
         for period_ms in PERIODS_MS {
             for at_counts in [0.001, 0.3, 0.5, 0.7, 0.999] {
-                let mut bench = bench(name, kg_m2, period_ms, at_counts);
+                let mut bench = bench(name, inertia(kg_m2), period_ms, at_counts);
                 bench.set(0, velocity(1_500));
                 bench.run_ms(3_000);
                 let report = bench.report();
@@ -49,12 +50,6 @@ fn a_heavy_unknown_motor_that_hardly_starts_has_a_sound_encoder() {
     }
 }
 
-/// Inertia at the output, in kg m², of a motor whose rotor then seems `times` as heavy.
-fn times_the_rotor(name: &str, times: f64) -> f64 {
-    let motor = motor(name);
-    (times - 1.0) * motor.j.0 * motor.eta * motor.gear_ratio.powi(2)
-}
-
 #[test]
 fn a_heavy_unknown_motor_in_a_long_reversal_has_a_sound_encoder() {
     for (name, times) in
@@ -62,7 +57,7 @@ fn a_heavy_unknown_motor_in_a_long_reversal_has_a_sound_encoder() {
     {
         for period_ms in [10, 50] {
             let free = free_cps(&motor(name));
-            let mut bench = bench(name, times_the_rotor(name, times), period_ms, 0.5);
+            let mut bench = bench(name, rotors(&motor(name), times), period_ms, 0.5);
             for (share, seconds) in [(0.7, 40), (0.15, 15), (-0.5, 35), (0.3, 20), (0.0, 10)] {
                 bench.set(0, velocity((share * free) as i32));
                 for _ in 0..10 * seconds {
@@ -80,7 +75,7 @@ fn an_encoder_reversed_under_an_unknown_motor_at_work_is_at_fault_within_250_ms_
     for name in ["AM 60 A", "AM 20 A", "AM 3.7 B"] {
         for period_ms in PERIODS_MS {
             for share in [0.2, 0.4, -0.6] {
-                let mut bench = bench(name, 0.0, period_ms, 0.5);
+                let mut bench = bench(name, Load::NONE, period_ms, 0.5);
                 bench.set(0, velocity((share * free_cps(&motor(name))) as i32));
                 bench.run_ms(3_000);
                 bench.axes[0].cable = Cable::Reversed;

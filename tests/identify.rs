@@ -7,9 +7,8 @@ use motor_hub::braking::Scheme;
 use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor, motors};
-use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::motor::{EncoderFault, OnFault, Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, least_travel, travel};
@@ -61,8 +60,7 @@ impl Setup {
     }
 
     fn load(&self) -> Load {
-        let Motor { j, eta, gear_ratio, .. } = self.motor;
-        Load::inertia(KgM2(self.inertia * j.0 * eta * gear_ratio * gear_ratio))
+        common::rotors(&self.motor, 1.0 + self.inertia)
     }
 
     fn stall(&self) -> f64 {
@@ -87,8 +85,7 @@ impl Setup {
     }
 
     fn bench(&self) -> Bench<1> {
-        let friction = Friction::with_coulomb(NewtonMetres(self.friction * self.stall()));
-        let plant = common::plant(Motor { friction, ..self.motor }, self.load());
+        let plant = common::plant(common::rough(self.motor, self.friction_volts()), self.load());
         let mut bench = Bench::one(self.settings(), plant, self.period_ms);
         bench.rig.battery = self.battery;
         bench.set(0, Setpoint::Identify { travel_limit: self.limit });

@@ -4,7 +4,7 @@ mod common;
 
 use common::{
     BATTERY, Bench, Cable, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor,
-    neverest_60, plant, position, unknown, velocity, winding,
+    neverest_60, plant, position, rotors, rough, unknown, velocity, winding,
 };
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::model::catalogue::Motor;
@@ -138,21 +138,19 @@ fn a_motor_that_is_enabled_at_speed_0_while_it_comes_to_rest_is_not_thrown() {
 }
 
 /// A motor at rest whose friction takes this voltage, and is configured.
-fn rough(motor: Motor, load: Load, friction_mv: u16, period_ms: u32) -> Bench<1> {
+fn with_friction(motor: Motor, load: Load, friction_mv: u16, period_ms: u32) -> Bench<1> {
     let mut settings = configured(&motor, &load);
     if let Some(dynamics) = &mut settings.dynamics {
         dynamics.friction = Millivolts::new(friction_mv);
     }
-    let torque = f64::from(friction_mv) / 1e3 * motor.kt.0 / (motor.r.0 + 0.1);
-    let friction = Friction::with_coulomb(NewtonMetres(torque));
-    Bench::one(settings, plant(Motor { friction, ..motor }, load), period_ms)
+    Bench::one(settings, plant(rough(motor, f64::from(friction_mv) / 1e3), load), period_ms)
 }
 
 #[test]
 fn a_motor_with_friction_that_turned_without_regulation_keeps_its_speed_when_regulation_begins() {
     for period_ms in [5, 10, 50] {
         for power in [14_000, -14_000] {
-            let mut bench = rough(neverest_60(), inertia(0.01), 1_440, period_ms);
+            let mut bench = with_friction(neverest_60(), inertia(0.01), 1_440, period_ms);
             bench.set(0, velocity(-300));
             bench.run_ms(1_000);
             bench.set(0, Setpoint::ConstantPower(Control::new(power)));
@@ -171,7 +169,7 @@ fn a_held_motor_that_breaks_away_from_its_friction_is_not_thrown() {
     for name in ["AM 20 A", "AM 20 B", "AM 60 A"] {
         for (period_ms, friction_mv) in [(10, 360), (10, 960), (50, 360), (50, 960)] {
             for cps in [-500, 300, 1_000, 1_500] {
-                let mut bench = rough(motor(name), inertia(0.005), friction_mv, period_ms);
+                let mut bench = with_friction(motor(name), inertia(0.005), friction_mv, period_ms);
                 bench.set(0, velocity(cps));
                 bench.run_ms(1_000);
                 bench.set(0, velocity(0));
@@ -190,7 +188,7 @@ fn a_held_motor_that_breaks_away_from_its_friction_is_not_thrown() {
 
 #[test]
 fn after_a_rest_a_motor_starts_with_the_voltage_of_its_first_start_in_both_directions() {
-    let mut bench = rough(motor("AM 60 A"), Load::NONE, 2_000, 10);
+    let mut bench = with_friction(motor("AM 60 A"), Load::NONE, 2_000, 10);
     let mut start = |cps| {
         bench.set(0, Setpoint::Disabled);
         bench.run_ms(1_000);
@@ -205,7 +203,7 @@ fn after_a_rest_a_motor_starts_with_the_voltage_of_its_first_start_in_both_direc
 
 #[test]
 fn dynamics_with_friction_that_are_configured_while_the_motor_turns_change_the_voltage_by_little() {
-    let mut bench = rough(motor("AM 60 A"), Load::NONE, 2_000, 10);
+    let mut bench = with_friction(motor("AM 60 A"), Load::NONE, 2_000, 10);
     let dynamics = bench.settings[0].dynamics;
     bench.configure(0, |settings| settings.dynamics = None);
     bench.set(0, velocity(1_000));
@@ -369,8 +367,7 @@ fn an_unknown_motor_comes_to_rest_after_a_move_that_ended_soon_after_its_start()
         ("AM 20 A", 10.0, 0.9, position(914, 20, 1_066), 35, (1_218, 548)),
     ] {
         let motor = motor(name);
-        let load = inertia((times - 1.0) * motor.j.0 * motor.eta * motor.gear_ratio.powi(2));
-        let mut bench = Bench::one(unknown(&motor), plant(motor, load), 10);
+        let mut bench = Bench::one(unknown(&motor), plant(motor, rotors(&motor, times)), 10);
         bench.place(0, start, 0.0);
         bench.sample();
         bench.set(0, first);

@@ -12,6 +12,7 @@ use motor_hub::group::GroupCommand;
 use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::model::battery::Battery as Source;
 use motor_hub::model::catalogue::{self, Motor};
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::rig::Rig;
@@ -44,6 +45,17 @@ pub(crate) fn neverest_60() -> Motor {
 /// Returns a load with an inertia in kg m² on the output shaft.
 pub(crate) fn inertia(kg_m2: f64) -> Load {
     Load::inertia(KgM2(kg_m2))
+}
+
+/// Returns a load with which the rotor of a motor seems `times` as heavy.
+pub(crate) fn rotors(motor: &Motor, times: f64) -> Load {
+    inertia((times - 1.0) * motor.j.0 * motor.eta * motor.gear_ratio.powi(2))
+}
+
+/// Returns the motor with a dry friction that takes this voltage.
+pub(crate) fn rough(motor: Motor, volts: f64) -> Motor {
+    let ohms = motor.r.0 + 2e-3 * f64::from(BRIDGE.switch_mohm());
+    Motor { friction: Friction::with_coulomb(NewtonMetres(volts * motor.kt.0 / ohms)), ..motor }
 }
 
 /// Returns the speed at which a motor's back EMF equals the voltage of the bench's battery, in counts/s. Drag is left out, so
