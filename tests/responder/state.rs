@@ -1,6 +1,6 @@
 //! Motors, keep-alive timer, fail-safe, attention and LED, as a host observes them.
 
-use crate::host::{Answer, N, TestHost, frame_to, settings};
+use crate::host::{Answer, HUB, N, TestHost, decode, frame_to, settings};
 use motor_hub::extension::report::Commands;
 use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::Setpoint;
@@ -304,12 +304,11 @@ fn a_late_packet_does_not_hide_the_time_out() {
 
 #[test]
 fn only_packets_to_the_hub_keep_motors_running() {
-    let hub = crate::host::HUB;
-    let mut damaged = frame_to(hub, 1, 0x7F04, &[]);
+    let mut damaged = frame_to(HUB, 1, 0x7F04, &[]);
     damaged[6] ^= 1;
     let feeding =
-        [frame_to(hub, 1, 0x7F03, &[0]), frame_to(hub, 1, 0x1016, &[9]), frame_to(hub, 1, 0x6666, &[])];
-    let others = [frame_to(hub + 1, 1, 0x7F04, &[]), frame_to(255, 1, 0x7F04, &[]), damaged, vec![0x44; 300]];
+        [frame_to(HUB, 1, 0x7F03, &[0]), frame_to(HUB, 1, 0x1016, &[9]), frame_to(HUB, 1, 0x6666, &[])];
+    let others = [frame_to(HUB + 1, 1, 0x7F04, &[]), frame_to(255, 1, 0x7F04, &[]), damaged, vec![0x44; 300]];
     let cases = feeding.iter().map(|f| (f, true)).chain(others.iter().map(|f| (f, false)));
     for (frame, runs) in cases {
         let mut host = driving();
@@ -324,10 +323,9 @@ fn only_packets_to_the_hub_keep_motors_running() {
 
 #[test]
 fn on_the_chain_line_only_the_hosts_packets_are_answered_and_keep_motors_running() {
-    let hub = crate::host::HUB;
-    for (source, runs) in [(HOST, true), (hub + 1, false)] {
+    for (source, runs) in [(HOST, true), (HUB + 1, false)] {
         let mut host = driving();
-        let packet = Packet { destination: hub, source, number: 1, id: 0x7F04, ..Packet::default() };
+        let packet = Packet { destination: HUB, source, number: 1, id: 0x7F04, ..Packet::default() };
         for _ in 0..4 {
             host.wait_ms(2100);
             let reply = host.responder.receive_with(&packet, Line::Chain, host.now, &host.snapshot, None);
@@ -425,25 +423,20 @@ fn a_pattern_of_16_steps_is_kept_whole() {
 #[test]
 fn replies_are_numbered_from_1_to_255() {
     let mut host = TestHost::new();
-    let numbers: Vec<u8> =
-        (0..=255).map(|_| host.send(&frame_to(crate::host::HUB, 0, 0x7F04, &[]))[0][6]).collect();
+    let numbers: Vec<u8> = (0..=255).map(|_| host.send(&frame_to(HUB, 0, 0x7F04, &[]))[0][6]).collect();
     assert_eq!(numbers, (1..=255).chain([1]).collect::<Vec<u8>>());
 }
 
 #[test]
 fn a_hub_with_fewer_motors_refuses_the_other_channels() {
     let mut responder = Responder::new(Address::DEFAULT, [settings(); 2]);
-    let packet = |motor| crate::host::decode(&frame_to(2, 1, 0x1009, &[motor]));
-    let ids = [0, 1, 2, 3].map(|motor| {
-        responder.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id)
-    });
-    assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02].map(Some));
-    let bulk = responder.receive(
-        &crate::host::decode(&frame_to(2, 1, 0x1000, &[])),
-        Micros::new(0),
-        &Snapshot::INITIAL,
-    );
-    assert_eq!(bulk.map(|reply| reply.payload.len()), Some(35));
+    let mut ask = |id, payload: &[u8]| {
+        let packet = decode(&frame_to(2, 1, id, payload));
+        responder.receive(&packet, Micros::new(0), &Snapshot::INITIAL).expect("an answer")
+    };
+    let ids = [0, 1, 2, 3].map(|motor| ask(0x1009, &[motor]).id);
+    assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02]);
+    assert_eq!(ask(0x1000, &[]).payload.len(), 35);
 }
 
 #[test]

@@ -17,19 +17,10 @@ fn chunk(host: &mut TestHost, offset: u32) -> Answer {
     host.request(HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
 }
 
-/// A hub with a bootloader.
-fn hub() -> TestHost {
-    with_slot(SLOT)
-}
-
-/// A hub that accepts images signed by the owner of a key.
-fn signed_hub() -> TestHost {
-    with_slot(Slot { signer: Some([5; 32]), ..SLOT })
-}
-
-fn with_slot(slot: Slot) -> TestHost {
+/// A hub with a bootloader. With a key it accepts only images that the owner of the key has signed.
+fn hub(signer: Option<[u8; 32]>) -> TestHost {
     let mut host = TestHost::settled();
-    host.responder = host.responder.with_slot(slot);
+    host.responder = host.responder.with_slot(Slot { signer, ..SLOT });
     host.responder.update_done(SlotReport::Booted(Booted::Confirmed));
     host.ask(0x7F03, &[1]);
     host
@@ -48,7 +39,7 @@ fn a_hub_without_a_bootloader_has_no_updates() {
 
 #[test]
 fn a_host_sends_an_image_and_has_it_started() {
-    let mut host = hub();
+    let mut host = hub(None);
     assert_eq!(begin(&mut host, 192), ACK);
     for offset in [0, 96] {
         assert_eq!(chunk(&mut host, offset), ACK);
@@ -78,7 +69,7 @@ fn a_host_sends_an_image_and_has_it_started() {
 
 #[test]
 fn each_refusal_has_its_own_number() {
-    let mut host = hub();
+    let mut host = hub(None);
     assert_eq!(chunk(&mut host, 0), Answer::Nack(74));
     assert_eq!(begin(&mut host, 512 * 1024 + 1), Answer::Nack(73));
     host.responder.update_done(SlotReport::Booted(Booted::OnTrial));
@@ -100,10 +91,10 @@ fn each_refusal_has_its_own_number() {
 fn signatures_are_required_with_a_key_and_refused_without_one() {
     let sign =
         |host: &mut TestHost, key| host.request(HubFunction::Sign { key: [key; 32], signature: [9; 64] });
-    let mut host = hub();
+    let mut host = hub(None);
     begin(&mut host, 96);
     assert_eq!(sign(&mut host, 5), Answer::Nack(80));
-    let mut host = signed_hub();
+    let mut host = hub(Some([5; 32]));
     assert_eq!(sign(&mut host, 5), Answer::Nack(74));
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 0), Answer::Nack(78));

@@ -1,8 +1,8 @@
 //! Damaged bits, memories that fail, and saves while motors run.
 
-use crate::flash::{block_on, keeper, read, write};
+use crate::flash::{block_on, read, reset, write};
 use crate::torn_flash::{Code, Flash, Wear};
-use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
+use motor_hub::store::{Found, Outcome, SettingsRecord, Stored};
 use motor_hub::tasks::store::Keeper;
 use sequential_storage::cache::Cache;
 use sequential_storage::map::{MapConfig, MapStorage};
@@ -84,8 +84,7 @@ fn both_copies_of_the_only_save_damaged<const WORD: usize, const PAGE: usize>() 
         let found = read(&mut flash);
         assert_eq!(found, Found::without_record(Stored::Damaged, 0), "bits {first} and {second}");
         // A reset of the settings erases the damaged copies.
-        let reset = StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: true, may_erase: true };
-        let done = block_on(keeper(&mut flash).carry_out(&reset));
+        let done = reset(&mut flash, &SettingsRecord::new(1));
         assert_eq!(done.found.map(|found| found.stored), Some(Stored::Whole), "bits {first} and {second}");
     }
 }

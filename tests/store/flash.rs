@@ -51,7 +51,16 @@ pub(crate) fn write<const WORD: usize, const PAGE: usize>(
     block_on(keeper(flash).carry_out(&order))
 }
 
-pub(crate) fn keeper<const WORD: usize, const PAGE: usize>(
+/// Erases the store, and writes a record.
+pub(crate) fn reset<const WORD: usize, const PAGE: usize>(
+    flash: &mut Flash<WORD, PAGE>,
+    record: &SettingsRecord,
+) -> StoreResult {
+    let order = StoreRequest { record: Some(record.clone()), erase_first: true, may_erase: true };
+    block_on(keeper(flash).carry_out(&order))
+}
+
+fn keeper<const WORD: usize, const PAGE: usize>(
     flash: &mut Flash<WORD, PAGE>,
 ) -> Keeper<&mut Flash<WORD, PAGE>> {
     Keeper::new(flash, 0..2 * PAGE as u32).expect("two pages")

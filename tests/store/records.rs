@@ -1,6 +1,6 @@
 //! Tests which bytes are accepted as a record.
 
-use crate::flash::{read, write};
+use crate::flash::{read, reset, write};
 use crate::torn_flash::{Code, Flash, Random};
 use motor_hub::store::{CAPACITY, Found, Outcome, SettingsRecord, Stored, VERSION};
 use proptest::prelude::*;
@@ -95,12 +95,7 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
         let found = read(&mut flash);
         nothing += u32::from(found.record.number() != 5);
         // Any contents can be erased and written.
-        let order = motor_hub::store::StoreRequest {
-            record: Some(record.clone()),
-            erase_first: true,
-            may_erase: true,
-        };
-        let done = crate::flash::block_on(crate::flash::keeper(&mut flash).carry_out(&order));
+        let done = reset(&mut flash, &record);
         assert_eq!((done.outcome, read(&mut flash).record), (Outcome::Done, record), "round {round}");
     }
     assert!(nothing > 100, "{nothing}");
