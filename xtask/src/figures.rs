@@ -11,10 +11,9 @@ const SHOWN: &str = "docs/pictures";
 const DRAWN: &str = "target/figures";
 
 /// For each picture: the command that draws it, the file that the command writes, and the name of the file in the documents.
-const PICTURES: [(&[&str], &str, &str); 4] = [
+const PICTURES: [(&[&str], &str, &str); 3] = [
     (&["run", "--scenario", "boards/simulated/scenarios/winch.toml"], "comparison.svg", "winch.svg"),
     (&["figures"], "11-current-at-50-percent.svg", "current.svg"),
-    (&["figures"], "14-circuits.svg", "circuits.svg"),
     (&["emulate"], "overlay.svg", "overlay.svg"),
 ];
 

@@ -15,14 +15,11 @@
 
 #[cfg(test)]
 mod colour_blindness;
-mod drawing;
 mod scale;
 mod svg;
 
 use scale::Scale;
-use svg::{Anchor, Stroke};
-
-pub use svg::Canvas;
+use svg::{Anchor, Canvas, Stroke};
 
 /// Colours for lines. Blue, red and green are from Okabe and Ito's set. Readers with deuteranopia (red-green blindness) can
 /// distinguish ink, blue, red and green. They can also distinguish ink and the three regimes. Tests check both.

@@ -28,21 +28,14 @@ pub(super) struct Stroke<'a> {
 }
 
 /// An SVG document under construction. Coordinates are in pixels from the upper left corner.
-///
-/// ```
-/// let mut drawing = chart::Canvas::new(100.0, 40.0, "A wire");
-/// drawing.line(&[(10.0, 20.0), (90.0, 20.0)]);
-/// assert!(drawing.svg().contains("polyline"));
-/// ```
-pub struct Canvas {
+pub(super) struct Canvas {
     body: String,
     clips: usize,
 }
 
 impl Canvas {
     /// Creates a white page of `width` x `height` pixels. Screen readers read its title.
-    #[must_use]
-    pub fn new(width: f64, height: f64, title: &str) -> Self {
+    pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
         let body = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
              viewBox=\"0 0 {width} {height}\" font-family=\"{FONT}\">\n\
@@ -54,8 +47,7 @@ impl Canvas {
     }
 
     /// Ends and returns the document.
-    #[must_use]
-    pub fn svg(mut self) -> String {
+    pub(super) fn svg(mut self) -> String {
         self.body.push_str("</svg>\n");
         self.body
     }
@@ -92,13 +84,10 @@ impl Canvas {
     /// Draws a triangle with its tip at `(x, y)`, which points left if `side` is -1, and right if it is 1.
     pub(super) fn arrow_head(&mut self, (x, y): (f64, f64), side: f64, fill: &str) {
         let base = x - 11.0 * side;
-        self.polygon(&[(x, y), (base, y - 6.0), (base, y + 6.0)], fill);
-    }
-
-    /// Draws a filled polygon.
-    pub fn polygon(&mut self, points: &[(f64, f64)], fill: &str) {
-        let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        self.element(format_args!("<polygon points=\"{}\" fill=\"{fill}\"/>", corners.join(" ")));
+        let (above, below) = (y - 6.0, y + 6.0);
+        self.element(format_args!(
+            "<polygon points=\"{x:.1},{y:.1} {base:.1},{above:.1} {base:.1},{below:.1}\" fill=\"{fill}\"/>"
+        ));
     }
 
     /// Draws a line through all `points`.

@@ -15,9 +15,8 @@ pub(crate) fn paper(json: bool) -> Result<(), Failure> {
 pub(crate) fn figures(out: &Path) -> Result<(), Failure> {
     let folder = Folder::new(out)?;
     let figures = studies::figures::all().map_err(Failure::work)?;
-    let circuits = studies::figures::circuits();
     let mut files = drawn(&figures);
-    files.push(("14-circuits.svg".into(), circuits.into_bytes()));
+    files.push(("14-circuits.svg".into(), studies::figures::CIRCUITS.into()));
     print_paths(&folder.write_all(files)?)
 }
 

@@ -1,8 +1,6 @@
 //! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear
 //! current.
 
-mod circuits;
-
 use crate::points::{self, CONTROL_RANGE, Look, fraction};
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
@@ -17,7 +15,9 @@ use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
 use simulated::hardware::{self, winding};
 
-pub use circuits::circuits;
+/// The bridge of the paper's section 1.2 as an SVG document: where the current flows in both states of each mode, by the
+/// direction in which the motor turns. The picture depends on no number, so it is a file.
+pub const CIRCUITS: &str = include_str!("../../../docs/pictures/circuits.svg");
 
 /// Full scale of control values in figures.
 const CONTROL_MAX: f64 = 1.0;
