@@ -80,7 +80,7 @@ impl Options {
             let text = random::toml(&random::scenario(seed, number));
             return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
-        let results = in_steps("runs", |step| {
+        let results = in_steps("steps", |step| {
             Ok(Results {
                 reference: wanted(Part::Reference).then(|| reference::run(step)).transpose()?,
                 cells: wanted(Part::Cells).then(|| bare_motors::run(step)).transpose()?,

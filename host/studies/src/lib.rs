@@ -25,6 +25,7 @@ use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, RangeError};
 use serde_json::Value;
+use simulated::scenario::Timed;
 use simulated::sim::RunError;
 use simulated::trace::{Sample, Trace};
 
@@ -72,6 +73,11 @@ fn velocity(cps: i32) -> Setpoint {
 /// A set-point of a position in counts, with a tolerance of 10 counts.
 fn position(target: i32, speed_limit: CountsPerSecond) -> Setpoint {
     Setpoint::Position { target, tolerance: 10, speed_limit }
+}
+
+/// Values with the times in seconds from which on they are in force.
+fn timed<T>(values: impl IntoIterator<Item = (f64, T)>) -> Vec<Timed<T>> {
+    values.into_iter().map(|(at_s, value)| Timed { at_s, value }).collect()
 }
 
 /// One motor in a run, whose values become the lines of a chart.

@@ -34,6 +34,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
+use motor_hub::units::Period;
 use serde::{Serialize, Serializer};
 use simulated::scenario::{Configuration, Motor, Scenario};
 use simulated::scheme::{SchemeWords, describe};
@@ -96,6 +97,13 @@ impl Knowledge {
 
     const fn winding(key: &'static str, name: &'static str, resistance: f64, emf: f64) -> Self {
         Self::new(key, name, Configuration { resistance, emf, ..Configuration::EXACT })
+    }
+
+    /// The scenario at this control period, with its motors configured like this.
+    fn at_period(self, scenario: &Scenario, period_ms: u32) -> Result<Scenario, StudyError> {
+        let mut scenario = Scenario { period: Period::from_millis(period_ms)?, ..scenario.clone() };
+        self.configure(&mut scenario);
+        Ok(scenario)
     }
 
     /// Configures the motors of a scenario.
@@ -212,14 +220,9 @@ impl Survey {
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Self, StudyError> {
         let numbers: Vec<u64> = (0..scenarios).collect();
-        let results =
-            parallel::map(&numbers, |&number| responses(seed, number), |done| progress(done, numbers.len()));
-        let (mut total_responses, mut responses) = (0, Vec::new());
-        for result in results {
-            let (all, settleable) = result?;
-            total_responses += all;
-            responses.extend(settleable);
-        }
+        let results = parallel::map(&numbers, |&number| responses(seed, number), progress)?;
+        let total_responses = results.iter().map(|(all, _)| all).sum();
+        let responses = results.into_iter().flat_map(|(_, settleable)| settleable).collect();
         Ok(Self { seed, scenarios, total_responses, responses })
     }
 }
@@ -301,6 +304,11 @@ fn circumstances(scenario: &Scenario, index: usize) -> String {
 fn time_constant(motor: &catalogue::Motor, load: &Load) -> f64 {
     let shaft = Shaft::new(motor, load);
     shaft.inertia.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + shaft.drag.0)
+}
+
+/// Free speed of a motor without load at a voltage, in counts/s.
+fn free_cps(motor: &catalogue::Motor, volts: f64) -> f64 {
+    motor.counts_per_rev_motor / core::f64::consts::TAU * motor.free_speed(Volts(volts)).0
 }
 
 /// Coulomb friction in percent of the stall torque at 12 V, as scenario files have it.

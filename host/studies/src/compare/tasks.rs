@@ -1,13 +1,13 @@
 //! The tasks: a NeveRest 60 with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius. One task has no
 //! flywheel, and one task has a flywheel of 40 kg.
 
-use crate::velocity;
+use crate::{timed, velocity};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
 use serde::Serialize;
-use simulated::scenario::{Configuration, Motor, Scenario, Timed};
+use simulated::scenario::{Configuration, Motor, Scenario};
 
 /// Free speed of the motor at 12 V, in counts/s.
 const FREE_CPS: f64 = 2720.0;
@@ -80,18 +80,17 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
 /// Returns the scenario with these set-points in counts/s and torques in newton metres. Each is given with the time in
 /// seconds at which it begins.
 fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, UnknownMotor> {
-    let speed = |&(at_s, cps): &(f64, f64)| Timed { at_s, value: velocity(cps.round() as i32) };
-    let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };
+    let speed = |&(at_s, cps): &(f64, f64)| (at_s, velocity(cps.round() as i32));
     let constants = characterised("NeveRest 60")?.with_measured_rotor_inertia();
     let mut motor = Motor::new(constants, Load::flywheel(Kilograms(10.0), Metres(0.1)));
-    motor.setpoints = speeds.iter().map(speed).collect();
-    motor.torques.extend(torques.iter().map(torque));
+    motor.setpoints = timed(speeds.iter().map(speed));
+    motor.torques.extend(timed(torques.iter().copied()));
     Ok(Scenario::new("comparison", LENGTH_S, vec![motor]))
 }
 
 fn sagging() -> Result<Scenario, UnknownMotor> {
     let mut scenario = plan(&[(0.0, 0.25 * FREE_CPS), (EVENT_S, 0.45 * FREE_CPS)], &[])?;
     scenario.battery = Battery { emf: Volts(13.0), resistance: Ohms(0.6) };
-    scenario.emf_over_time = vec![Timed { at_s: 1.0, value: 13.0 }, Timed { at_s: 6.0, value: 8.0 }];
+    scenario.emf_over_time = timed([(1.0, 13.0), (6.0, 8.0)]);
     Ok(scenario)
 }

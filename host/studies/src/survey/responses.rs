@@ -2,7 +2,8 @@
 
 use crate::StudyError;
 use crate::measures::{extent, rms};
-use crate::settling::{Change, Goal, rest_s, settling};
+use crate::settling::{Change, Goal, changes, rest_s, settling};
+use motor_hub::motor::Report;
 use serde::Serialize;
 use simulated::scenario::Scenario;
 use simulated::trace::Point;
@@ -60,10 +61,8 @@ const CRAWL_CPS: f64 = 60.0;
 pub(super) struct Instant {
     /// The true motion.
     pub(super) point: Point,
-    /// True if an encoder fault is latched.
-    pub(super) fault: bool,
-    /// True if the hub reports a stall.
-    pub(super) stalled: bool,
+    /// The hub's newest report. Before the first control tick it is [`Report::INITIAL`].
+    pub(super) report: Report,
 }
 
 /// Runs a scenario. Returns every millisecond of every motor.
@@ -71,13 +70,19 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
     let mut all: Vec<Vec<Instant>> = vec![Vec::new(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
         let motors = moment.view.motors.iter().zip(&moment.snapshot.motors);
-        for (track, (&(speed_cps, counts), report)) in all.iter_mut().zip(motors) {
-            let fault = report.faults.encoder.is_some();
+        for (track, (&(speed_cps, counts), &report)) in all.iter_mut().zip(motors) {
             let point = Point { at_s: moment.ms as f64 / 1e3, speed_cps, counts };
-            track.push(Instant { point, fault, stalled: report.stalled });
+            track.push(Instant { point, report });
         }
     })?;
     Ok(all)
+}
+
+/// Runs a scenario with one motor. Returns the verdicts on all its responses.
+pub(super) fn verdicts(scenario: &Scenario) -> Result<Vec<Verdict>, StudyError> {
+    let tracks = watch(scenario)?;
+    let (Some(motor), Some(track)) = (scenario.motors.first(), tracks.first()) else { return Ok(Vec::new()) };
+    Ok(changes(motor, scenario.duration_s).iter().map(|change| judge(change, track)).collect())
 }
 
 /// The judgement of a response.
@@ -125,8 +130,8 @@ pub(super) fn judge(change: &Change, track: &[Instant]) -> Verdict {
         last_error: mean(last(rest)),
         last_rms: rms(ending),
         last_swing: (low, high),
-        fault: span.iter().any(|at| at.fault),
-        stalled: span.iter().any(|at| at.stalled),
+        fault: span.iter().any(|at| at.report.faults.encoder.is_some()),
+        stalled: span.iter().any(|at| at.report.stalled),
     }
 }
 

@@ -14,17 +14,17 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
+use super::responses::{Instant, watch};
 use super::{Knowledge, circumstances, parallel, random, sweep};
 use crate::StudyError;
 use crate::table::{grouped, paragraph};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
-use motor_hub::motor::Faults;
+use motor_hub::motor::{Faults, Report};
 use serde::Serialize;
 use simulated::hardware::REAL_BRIDGE;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
-use simulated::without_tasks;
 use std::fmt::Write;
 
 /// The results of all scenarios.
@@ -80,13 +80,9 @@ impl Soak {
             let case = scenario(seed, number);
             match sim::run(&case.0, &mut |_| ()) {
                 Ok(trace) => {
-                    let mut motors = vec![Observed::default(); case.0.motors.len()];
-                    for tick in &trace.ticks {
-                        for (motor, sample) in motors.iter_mut().zip(&tick.motors) {
-                            motor.update(tick.at_s, sample.report.faults, sample.report.stalled);
-                        }
-                    }
-                    soak.add(number, &case, trace.ticks.len(), motors);
+                    let reports = |motor| trace.motor(motor).map(|(at_s, sample)| (at_s, &sample.report));
+                    let motors = (0..case.0.motors.len()).map(|motor| Observed::new(reports(motor)));
+                    soak.add(number, &case, trace.ticks.len(), motors.collect());
                 }
                 Err(RunError::Starved) => {
                     soak.starved.push(number);
@@ -125,13 +121,12 @@ impl Soak {
     }
 
     fn swept(cases: &[Case], progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
-        let runs =
-            parallel::map(cases, |(scenario, _)| observed(scenario), |done| progress(done, cases.len()));
+        let runs = parallel::map(cases, |(scenario, _)| observed(scenario), progress)?;
         let mut soak = Self::default();
         for (number, (motors, case)) in (0..).zip(runs.into_iter().zip(cases)) {
             let (scenario, _) = case;
             let ticks = (1e3 * scenario.duration_s) as usize / scenario.period.as_millis() as usize;
-            soak.add(number, case, ticks, motors?);
+            soak.add(number, case, ticks, motors);
         }
         Ok(soak)
     }
@@ -160,7 +155,6 @@ impl Soak {
 type Case = (Scenario, Knowledge);
 
 /// What the hub reported of a motor.
-#[derive(Clone, Copy, Default)]
 struct Observed {
     /// The first fault with its time in seconds.
     fault: Option<(f64, Faults)>,
@@ -169,34 +163,30 @@ struct Observed {
 }
 
 impl Observed {
-    fn update(&mut self, at_s: f64, faults: Faults, stalled: bool) {
-        self.stalled |= stalled;
-        if faults.any() {
-            self.fault.get_or_insert((at_s, faults));
+    fn new<'a>(reports: impl Iterator<Item = (f64, &'a Report)>) -> Self {
+        let mut observed = Self { fault: None, stalled: false };
+        for (at_s, report) in reports {
+            observed.stalled |= report.stalled;
+            if report.faults.any() {
+                observed.fault.get_or_insert((at_s, report.faults));
+            }
         }
+        observed
     }
 }
 
 /// Runs a scenario without tasks.
 fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
-    let mut motors = vec![Observed::default(); scenario.motors.len()];
-    without_tasks::run(scenario, |moment| {
-        // Before the first tick the snapshot has initial values instead of reports.
-        if moment.snapshot.tick > 0 {
-            for (motor, report) in motors.iter_mut().zip(&moment.snapshot.motors) {
-                motor.update(moment.ms as f64 / 1e3, report.faults, report.stalled);
-            }
-        }
-    })?;
-    Ok(motors)
+    let observed = |track: &Vec<Instant>| Observed::new(track.iter().map(|at| (at.point.at_s, &at.report)));
+    Ok(watch(scenario)?.iter().map(observed).collect())
 }
 
 /// The random scenario of this number, and how its motors are configured.
 fn scenario(seed: u64, number: u64) -> Case {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::EXACT);
+    knowledge.configure(&mut scenario);
     for motor in &mut scenario.motors {
-        motor.configuration = knowledge.configured(&motor.constants);
         // The friction of the survey is at most 10 % of the stall torque; here it is at most 40 %.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));

@@ -2,9 +2,9 @@
 //! is up to 40 % of the stall torque. The battery has 6.5 to 14.5 V. The control period is 1 to 100 ms. The motion is
 //! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
 
-use super::Knowledge;
 use super::bare_motors::PERIODS;
-use crate::{position, velocity};
+use super::{Knowledge, free_cps};
+use crate::{position, timed, velocity};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
@@ -13,7 +13,7 @@ use motor_hub::model::si::{KgM2, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
-use simulated::scenario::{Motor, Scenario, Timed};
+use simulated::scenario::{Motor, Scenario};
 
 /// Voltages of the battery without load, in volts.
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
@@ -31,17 +31,15 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     {
         for knowledge in KNOWLEDGE {
             for motors in motors(volts).chunks(MOTORS) {
-                let mut motors = motors.to_vec();
-                for motor in &mut motors {
-                    motor.configuration = knowledge.configured(&motor.constants);
-                    if all.len() % 2 == 1 {
-                        motor.bridge = REAL_BRIDGE;
-                    }
+                let mut scenario = Scenario::new("sweep", DURATION_S, motors.to_vec());
+                scenario.period = Period::from_millis(period_ms).unwrap_or_default();
+                scenario.battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
+                scenario.unlimited = true;
+                knowledge.configure(&mut scenario);
+                if all.len() % 2 == 1 {
+                    scenario.motors.iter_mut().for_each(|motor| motor.bridge = REAL_BRIDGE);
                 }
-                let battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
-                let period = Period::from_millis(period_ms).unwrap_or_default();
-                let scenario = Scenario::new("sweep", DURATION_S, motors);
-                all.push((Scenario { period, battery, unlimited: true, ..scenario }, knowledge));
+                all.push((scenario, knowledge));
             }
         }
     }
@@ -72,10 +70,8 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
             for (positions, period_ms) in [false, true].into_iter().flat_map(|p| PERIODS.map(|ms| (p, ms))) {
                 let reflected = constants.eta * constants.gear_ratio * constants.gear_ratio;
                 let load = Load::inertia(KgM2((multiple - 1.0) * constants.j.0 * reflected));
-                let free = constants.counts_per_rev_motor / std::f64::consts::TAU
-                    * constants.free_speed(Volts(12.0)).0;
-                let mut motor =
-                    Motor { setpoints: long_course(free, positions), ..Motor::new(constants, load) };
+                let setpoints = timed(long_course(free_cps(&constants, 12.0), positions));
+                let mut motor = Motor { setpoints, ..Motor::new(constants, load) };
                 motor.configuration = knowledge.configured(&constants);
                 // Some motors accelerate more slowly than the hub's settings can represent.
                 if motor.settings().is_err() {
@@ -92,11 +88,11 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Set-points: 0.7, 0.15, -0.5 and 0.3 of the free speed, then standstill; or to a position and back beyond the start.
 /// `free` is in counts/s.
-fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
+fn long_course(free: f64, positions: bool) -> Vec<(f64, Setpoint)> {
     let velocity = |share: f64| velocity((share * free) as i32);
     let limit = CountsPerSecond::new((0.5 * free) as i32);
     let position = |turns: f64| position((turns * free) as i32, limit);
-    let course = if positions {
+    if positions {
         vec![(0.1, position(5.0)), (60.0, position(-2.0))]
     } else {
         vec![
@@ -106,8 +102,7 @@ fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
             (90.0, velocity(0.3)),
             (110.0, velocity(0.0)),
         ]
-    };
-    course.into_iter().map(|(at_s, value)| Timed { at_s, value }).collect()
+    }
 }
 
 /// Every motor with every inertia, scheme, duty rule and friction, for a battery of this voltage.
@@ -118,7 +113,7 @@ fn motors(volts: f64) -> Vec<Motor> {
             Scheme::ALL.into_iter().flat_map(|scheme| DutyRule::ALL.map(|duty| (scheme, duty)))
         {
             for percent in FRICTION_PERCENT {
-                let setpoints = course(1e3 * volts / constants.ke_fw());
+                let setpoints = timed(course(1e3 * volts / constants.ke_fw()));
                 let label = format!("{} {}", constants.name, all.len());
                 let mut motor = Motor { label, scheme, duty, setpoints, ..Motor::new(constants, Load::NONE) };
                 motor.set_friction(percent);
@@ -131,19 +126,18 @@ fn motors(volts: f64) -> Vec<Motor> {
 
 /// Set-points: 0.5 and -0.3 of the free speed, 60 counts/s, standstill, a position, and -0.1 of the free speed. `free`
 /// is in counts/s.
-fn course(free: f64) -> Vec<Timed<Setpoint>> {
+fn course(free: f64) -> [(f64, Setpoint); 6] {
     let velocity = |speed: f64| velocity(speed as i32);
     let limit = CountsPerSecond::new(free as i32);
     let position = |turns: f64| position((turns * free) as i32, limit);
-    let stations = [
+    [
         (0.1, velocity(0.5 * free)),
         (1.2, velocity(-0.3 * free)),
         (2.2, velocity(60.0)),
         (3.2, velocity(0.0)),
         (3.7, position(-0.3)),
         (5.0, velocity(-0.1 * free)),
-    ];
-    stations.map(|(at_s, value)| Timed { at_s, value }).to_vec()
+    ]
 }
 
 #[cfg(test)]
