@@ -3,6 +3,7 @@
 use crate::output::{Failure, in_steps, print, print_json, progress};
 use crate::parse::{number, whole};
 use studies::survey::soak::{self, Soak};
+use studies::survey::sweep;
 
 /// Run hours of random scenarios in virtual time by the hub's own tasks, and count false alarms and starved watchdogs
 ///
@@ -34,16 +35,14 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let soak =
-            if self.sweep {
-                in_steps("scenarios", |step| {
-                    if self.long { Soak::long_sweep(1, step) } else { Soak::sweep(1, step) }
-                })
-            } else {
-                let seconds = 3600.0 * self.hours;
-                let bar = progress(Some(seconds as u64), "virtual seconds");
-                Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
-            };
+        let soak = if self.sweep {
+            let cases = if self.long { sweep::long_scenarios(1) } else { sweep::scenarios(1) };
+            in_steps("scenarios", |step| Soak::sweep(&cases, step))
+        } else {
+            let seconds = 3600.0 * self.hours;
+            let bar = progress(Some(seconds as u64), "virtual seconds");
+            Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
+        };
         let soak = soak.map_err(Failure::work)?;
         if self.json {
             print_json(&soak)?;

@@ -23,7 +23,7 @@ pub mod random;
 pub mod reference;
 mod responses;
 pub mod soak;
-mod sweep;
+pub mod sweep;
 mod text;
 
 pub use responses::{Kind, Verdict};

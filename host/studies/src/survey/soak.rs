@@ -3,8 +3,8 @@
 //!
 //! The motion is configured exactly, with wrong inertias, or not at all (see [`Knowledge`]), in turn from scenario to
 //! scenario. Four of eight scenarios have bridges with the timing of real bridges. Dry friction is up to 40 % of the
-//! stall torque, four times the dry friction of the survey. A sweep runs every motor with every setting instead; a long
-//! sweep runs heavy motors for minutes.
+//! stall torque, four times the dry friction of the survey. A [`sweep`](super::sweep) runs every motor with every
+//! setting instead.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -15,7 +15,7 @@
 //! ```
 
 use super::responses::{Instant, watch};
-use super::{Knowledge, circumstances, parallel, random, sweep};
+use super::{Knowledge, circumstances, parallel, random};
 use crate::StudyError;
 use crate::table::{grouped, paragraph};
 use motor_hub::model::friction::Friction;
@@ -100,27 +100,12 @@ impl Soak {
         self.alarms.is_empty() && self.starved.is_empty()
     }
 
-    /// Runs every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each
-    /// `every`th of these scenarios. The scenarios run without tasks, so the watchdog is not checked. `progress` gets
+    /// Runs the scenarios of a [`sweep`](super::sweep) without tasks, so the watchdog is not checked. `progress` gets
     /// the number of finished scenarios and the number of all scenarios.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
-    pub fn sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
-        Self::swept(&sweep::scenarios(every), progress)
-    }
-
-    /// Runs every motor with 1 to 1000 times its rotor's inertia at every period for two minutes, or each `every`th of
-    /// these scenarios. The motor is configured exactly, with 0.5 and 2 times the inertia, and not at all. `progress`
-    /// is as for [`Soak::sweep`].
-    ///
-    /// # Errors
-    /// If a motor does not fit the firmware.
-    pub fn long_sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
-        Self::swept(&sweep::long_scenarios(every), progress)
-    }
-
-    fn swept(cases: &[Case], progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
+    pub fn sweep(cases: &[Case], progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
         let runs = parallel::map(cases, |(scenario, _)| observed(scenario), progress)?;
         let mut soak = Self::default();
         for (number, (motors, case)) in (0..).zip(runs.into_iter().zip(cases)) {
@@ -152,7 +137,7 @@ impl Soak {
 }
 
 /// A scenario, and how its motors are configured.
-type Case = (Scenario, Knowledge);
+pub type Case = (Scenario, Knowledge);
 
 /// What the hub reported of a motor.
 struct Observed {

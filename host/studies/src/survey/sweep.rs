@@ -1,8 +1,8 @@
-//! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
-//! is up to 40 % of the stall torque. The battery has 6.5 to 14.5 V. The control period is 1 to 100 ms. The motion is
-//! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
+//! The scenarios of a sweep: every motor of the catalogue with every setting. Every encoder is sound, so every fault is
+//! a false alarm.
 
 use super::bare_motors::PERIODS;
+use super::soak::Case;
 use super::{Knowledge, free_cps};
 use crate::{position, timed, velocity};
 use motor_hub::braking::{DutyRule, Scheme};
@@ -24,8 +24,10 @@ const KNOWLEDGE: [Knowledge; 2] = [Knowledge::EXACT, Knowledge::UNKNOWN];
 /// Length of a scenario of the sweep, in seconds.
 const DURATION_S: f64 = 6.0;
 
-/// Every `every`th of the scenarios, with four motors each, and how they are configured.
-pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
+/// Every `every`th of the scenarios, with four motors each, and how they are configured. Every motor has no load and
+/// both of its inertias, under every scheme and duty rule. Friction is up to 40 % of the stall torque. The battery has
+/// 6.5 to 14.5 V. The control period is 1 to 100 ms. The motion is configured exactly, or not at all.
+pub fn scenarios(every: usize) -> Vec<Case> {
     let mut all = Vec::new();
     for (period_ms, volts) in PERIODS.into_iter().flat_map(|period_ms| VOLTS.map(|volts| (period_ms, volts)))
     {
@@ -61,7 +63,7 @@ const LONG_S: f64 = 120.0;
 /// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000
 /// times its rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor
 /// ends in 0.1 s.
-pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
+pub fn long_scenarios(every: usize) -> Vec<Case> {
     let mut all = Vec::new();
     for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
         for (multiple, knowledge) in

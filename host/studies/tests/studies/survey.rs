@@ -3,7 +3,7 @@
 use crate::{REFERENCE, clock};
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
-use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference};
+use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference, sweep};
 
 fn never(responses: &[&Response], knowledge: usize) -> f64 {
     let never = responses.iter().filter(|response| response.verdicts[knowledge].settling_s.is_none()).count();
@@ -113,7 +113,7 @@ fn an_unknown_motor_with_heavy_friction_that_brakes_or_starts_and_stops_has_a_so
     // 2345 the friction of unknown motors is nearly the torque at full voltage, so they start and stop. A sweep of every
     // nth scenario contains scenario n.
     for every in [1113, 2345] {
-        let soak = Soak::sweep(every, &mut |_, _| ()).expect("it runs");
+        let soak = Soak::sweep(&sweep::scenarios(every), &mut |_, _| ()).expect("it runs");
         assert!(soak.is_clean(), "{}", soak::text(&soak));
     }
 }
@@ -122,7 +122,7 @@ fn an_unknown_motor_with_heavy_friction_that_brakes_or_starts_and_stops_has_a_so
 #[ignore = "long: cargo xtask long"]
 fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
     // This is every seventh scenario of `motor-hub soak --sweep`.
-    let soak = Soak::sweep(7, &mut |_, _| ()).expect("it runs");
+    let soak = Soak::sweep(&sweep::scenarios(7), &mut |_, _| ()).expect("it runs");
     assert!(soak.is_clean(), "{}", soak::text(&soak));
     assert!(soak.motors > 4_000, "{soak:?}");
 }
@@ -132,7 +132,7 @@ fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
 fn no_heavy_motor_s_sound_encoder_is_doubted_within_minutes() {
     // This is every 61st scenario of `motor-hub soak --sweep --long`. 61 is prime, so all periods, inertias and
     // configurations occur.
-    let soak = Soak::long_sweep(61, &mut |_, _| ()).expect("it runs");
+    let soak = Soak::sweep(&sweep::long_scenarios(61), &mut |_, _| ()).expect("it runs");
     // For unknown motors with large inertias the hub is known to report false alarms, so alarms of unknown motors are
     // not counted.
     let configured = |alarm: &&soak::Alarm| alarm.knowledge != Knowledge::UNKNOWN;
