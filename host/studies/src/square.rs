@@ -60,48 +60,36 @@ pub struct Squares {
     pub ends: [End; 2],
 }
 
-/// The gyro that gives the hub its heading.
-#[derive(Clone, Copy, Debug)]
-struct Gyro {
-    errors: GyroErrors,
-    /// Factor by which a calibration enlarges the angle of each turn.
-    turn_scale: f64,
-}
-
 /// Drives all squares.
 ///
 /// # Errors
 /// If a run does not finish.
 pub fn run() -> Result<[Squares; 5], StudyError> {
-    let both = |name, base: DriveBase, heading| {
-        Ok::<_, StudyError>(Squares { name, ends: [drive(base, 1.0, heading)?, drive(base, -1.0, heading)?] })
+    let both = |name, base: DriveBase, gyro, turn| -> Result<Squares, StudyError> {
+        Ok(Squares { name, ends: [drive(base, gyro, turn)?, drive(base, gyro, -turn)?] })
     };
-    let by_gyro = |errors, turn_scale| Some(Gyro { errors, turn_scale });
-    let encoders = both("encoders", BASE, None)?;
-    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), None)?;
-    let gyro = both("gyro without errors", BASE, by_gyro(GyroErrors::default(), 1.0))?;
-    let worse = both("gyro with drift and scale error", BASE, by_gyro(WORSE_GYRO, 1.0))?;
+    let encoders = both("encoders", BASE, None, 90.0)?;
+    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), None, 90.0)?;
+    let gyro = both("gyro without errors", BASE, Some(GyroErrors::default()), 90.0)?;
+    let worse = both("gyro with drift and scale error", BASE, Some(WORSE_GYRO), 90.0)?;
     // The drift turns both squares to the same side, and the scale error turns them to different sides.
     let [left, right] = worse.ends.map(|end| end.heading_degrees);
-    let turn_scale = 360.0 / (360.0 + 0.5 * (left - right));
-    let scaled = both("that gyro, its scale calibrated by one run", BASE, by_gyro(WORSE_GYRO, turn_scale))?;
+    let turn = 90.0 * (360.0 / (360.0 + 0.5 * (left - right)));
+    let scaled = both("that gyro, its scale calibrated by one run", BASE, Some(WORSE_GYRO), turn)?;
     Ok([encoders, calibrated, gyro, worse, scaled])
 }
 
-/// Drives one square. `left` is 1 to the left, -1 to the right. Without a gyro the heading is from the encoders.
+/// Drives one square. `turn` is the angle that each turn commands, in degrees to the left. Without a gyro the heading is
+/// from the encoders.
 ///
 /// # Errors
 /// If the run does not finish.
-fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyError> {
-    let turn_scale = gyro.map_or(1.0, |gyro| gyro.turn_scale);
+fn drive(base: DriveBase, gyro: Option<GyroErrors>, turn: f64) -> Result<End, StudyError> {
     let acceleration = Acceleration::new(ACCELERATION_CPS2)?;
     let mut courses = Vec::new();
     let mut at_s = 0.5;
     for _ in 0..4 {
-        for (counts, time_s) in
-            [(base.straight(SIDE_MM)?, SIDE_S), (base.turn(90.0 * left * turn_scale)?, TURN_S)]
-        {
-            let [left, right] = counts;
+        for ([left, right], time_s) in [(base.straight(SIDE_MM)?, SIDE_S), (base.turn(turn)?, TURN_S)] {
             let course = Course::distances(&[(0, left), (1, right)])?;
             let value = GroupCommand::new(course, CountsPerSecond::new(SPEED_CPS), acceleration);
             courses.push(Timed { at_s, value });
@@ -118,7 +106,7 @@ fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyErr
     };
     let scenario = Scenario {
         floor: FLOOR,
-        gyro: gyro.map(|gyro| gyro.errors).unwrap_or_default(),
+        gyro: gyro.unwrap_or_default(),
         groups: vec![group],
         ..Scenario::new("square", at_s, vec![Motor::new(motor, WHEEL); 2])
     };
@@ -127,7 +115,7 @@ fn drive(base: DriveBase, left: f64, gyro: Option<Gyro>) -> Result<End, StudyErr
     let Pose { x_mm, y_mm, heading_degrees } = end.pose;
     Ok(End {
         distance_mm: x_mm.hypot(y_mm),
-        heading_degrees: heading_degrees - 360.0 * left,
+        heading_degrees: heading_degrees - 360.0f64.copysign(turn),
         odometry_mm: end
             .base
             .map(|base| (f64::from(base.x_um) / 1e3 - x_mm).hypot(f64::from(base.y_um) / 1e3 - y_mm)),
