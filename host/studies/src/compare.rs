@@ -68,11 +68,11 @@ impl Comparison {
         if let (false, Some(first)) = (quick, tasks.first()) {
             tunings.push(Tuning::best(first, &mut step)?);
         }
-        let mut rounds = Vec::with_capacity(tunings.len());
+        let mut rounds = Vec::new();
         for tuning in tunings {
-            let mut results = Vec::with_capacity(tasks.len());
+            let mut results = Vec::new();
             for task in &tasks {
-                let mut rows = Vec::with_capacity(Variant::ALL.len());
+                let mut rows = Vec::new();
                 for (variant, &gains) in Variant::ALL.into_iter().zip(&tuning.gains) {
                     rows.push(Row::of(task, variant, gains)?);
                     step();

@@ -5,9 +5,9 @@ use super::row::Row;
 use super::tasks::Task;
 use super::variant::Variant;
 use crate::StudyError;
+use crate::settling::Goal;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::motion::Pidf;
-use motor_hub::motor::Setpoint;
 use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
 
@@ -45,9 +45,15 @@ const OF_OVERSHOOT_S: f64 = 0.2;
 /// Weight of the limit cycle in the criterion, in seconds.
 const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
+/// The candidates for the best coefficients of a variant; none for the model, which has no coefficients.
+fn candidates(variant: Variant) -> impl Iterator<Item = Gains> {
+    let all = P.into_iter().flat_map(|p| I.map(|i| Gains { p, i }));
+    all.filter(move |_| variant.has_coefficients())
+}
+
 /// Number of runs that find the best coefficients of all variants.
 pub(super) fn runs() -> usize {
-    P.len() * I.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
+    Variant::ALL.into_iter().flat_map(candidates).count()
 }
 
 /// A way of choosing coefficients, and the chosen coefficients.
@@ -80,21 +86,16 @@ impl Tuning {
     /// # Errors
     /// If a run fails.
     pub(super) fn best(task: &Task, step: &mut dyn FnMut()) -> Result<Self, StudyError> {
-        let mut gains = Vec::with_capacity(Variant::ALL.len());
-        for variant in Variant::ALL {
-            if !variant.has_coefficients() {
-                gains.push(None);
-                continue;
-            }
-            let mut best = (f64::INFINITY, SAME);
-            for candidate in P.into_iter().flat_map(|p| I.map(|i| Gains { p, i })) {
+        let mut gains = vec![None; Variant::ALL.len()];
+        for (variant, gains) in Variant::ALL.into_iter().zip(&mut gains) {
+            let mut least = f64::INFINITY;
+            for candidate in candidates(variant) {
                 let cost = cost(task, &Row::of(task, variant, Some(candidate))?);
-                if cost < best.0 {
-                    best = (cost, candidate);
+                if cost < least {
+                    (least, *gains) = (cost, Some(candidate));
                 }
                 step();
             }
-            gains.push(Some(best.1));
         }
         let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         let how = format!(
@@ -110,10 +111,7 @@ impl Tuning {
 /// The criterion of a run, in counts; the least is the best.
 fn cost(task: &Task, row: &Row) -> f64 {
     let step = task.scenario.motors.first().map_or(0.0, |motor| {
-        let target = |at_s| match motor.setpoint_at(at_s) {
-            Setpoint::Velocity(cps) => cps.to_f64(),
-            _ => 0.0,
-        };
+        let target = |at_s| Goal::of(motor.setpoint_at(at_s)).map_or(0.0, Goal::target);
         (target(task.event_s) - target(0.0)).abs()
     });
     let overshoot = row.response.overshoot_percent.unwrap_or(0.0) / 100.0 * step;
