@@ -1,16 +1,5 @@
 //! Measures of a run: settling and overshoot of each response, jerk while slowing down, shares of the regimes,
 //! energies.
-//!
-//! ```
-//! use simulated::{scenario::Scenario, sim};
-//! use studies::measures::Measures;
-//!
-//! let scenario = Scenario { duration_s: 1.0, ..Scenario::default_one()? };
-//! let trace = sim::run(&scenario, &mut |_| ())?;
-//! let measures = Measures::new(&scenario.motors[0], 0.0..scenario.duration_s, &trace, 0);
-//! assert!(measures.energy_from_battery_j > measures.energy_to_battery_j);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 use crate::report::figures::significant;
 use crate::settling::{Change, Goal, Settling, changes, settling};
