@@ -66,23 +66,15 @@ impl<'a> Case<'a> {
     /// Reads a whole number from `low` to `high`.
     pub(super) fn whole(&self, key: &str, low: i64, high: i64) -> Result<i64, CaseError> {
         let value = self.number(key)?;
-        if value.fract() == 0.0 && (low as f64..=high as f64).contains(&value) {
-            Ok(value as i64)
-        } else {
-            let value = number_text(value);
-            Err(format!("input {key} = {value} must be a whole number from {low} to {high}").into())
-        }
+        let is_allowed = value.fract() == 0.0 && (low as f64..=high as f64).contains(&value);
+        let rule = format!("be a whole number from {low} to {high}");
+        Ok(allowed(&format!("input {key}"), value, is_allowed, &rule)? as i64)
     }
 
     /// Reads the blend of scheme D.
     pub(super) fn blend(&self) -> Result<f64, CaseError> {
         let blend = self.number("blend")?;
-        if (0.0..=1.0).contains(&blend) {
-            Ok(blend)
-        } else {
-            let blend = number_text(blend);
-            Err(format!("input blend = {blend} must be 0 (scheme B) to 1 (scheme C)").into())
-        }
+        allowed("input blend", blend, (0.0..=1.0).contains(&blend), "be 0 (scheme B) to 1 (scheme C)")
     }
 
     pub(super) fn text(&self, key: &str) -> Result<&'a str, CaseError> {
@@ -188,18 +180,15 @@ pub(super) fn only_known(what: &str, object: Option<&Value>, allowed: &[&str]) -
     Err(format!("unknown {what} {}; allowed: {}", unknown.join(", "), allowed.join(", ")))
 }
 
+/// The value if it is allowed, else an error that names the value and ends with the rule for it.
+fn allowed(name: &str, value: f64, is_allowed: bool, rule: &str) -> Result<f64, CaseError> {
+    if is_allowed { Ok(value) } else { Err(format!("{name} = {} must {rule}", number_text(value)).into()) }
+}
+
 fn zero_or_above(value: f64, key: &str) -> Result<f64, CaseError> {
-    if value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(format!("{key} = {} must not be negative", number_text(value)).into())
-    }
+    allowed(key, value, value >= 0.0, "not be negative")
 }
 
 fn above_zero(value: f64, key: &str) -> Result<f64, CaseError> {
-    if value > 0.0 {
-        Ok(value)
-    } else {
-        Err(format!("{key} = {} must be above 0", number_text(value)).into())
-    }
+    allowed(key, value, value > 0.0, "be above 0")
 }
