@@ -69,9 +69,6 @@ impl Response {
     }
 }
 
-/// In the place of the regulator of a run without a control tick.
-pub(crate) const NO_TICK: &str = "no control tick";
-
 /// Length of the end of a response in which the swing is measured, in seconds.
 const LAST_S: f64 = 1.0;
 
@@ -128,7 +125,7 @@ impl Measures {
             flows.fold(0.0, |sum, flow| sum + of(flow).0)
         };
         Self {
-            regulator: ticks.last().map_or(NO_TICK, |(_, sample)| sample.report.regulator.name()),
+            regulator: ticks.last().map_or("no control tick", |(_, sample)| sample.report.regulator.name()),
             responses: responses(motor, &span_s, trace.motion.get(index).map_or(&[], Vec::as_slice)),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),

@@ -95,18 +95,15 @@ impl Recording {
         };
         let target = |_: &Sample| self.value();
         let goal = || line("set-point", colour::RED, Style::DashedStep, &target);
-        let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
-        let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
         let mut panels = Vec::new();
-        let label = "speed, counts/s";
-        match self.setpoint {
-            ReportedSetpoint::Position(_) => {
-                panels.push(Panel::new("position, counts", 150.0, vec![goal(), position]));
-                panels.push(Panel::new(label, 170.0, vec![speed]));
-            }
-            ReportedSetpoint::Velocity(_) => panels.push(Panel::new(label, 170.0, vec![goal(), speed])),
-            _ => panels.push(Panel::new(label, 170.0, vec![speed])),
+        if matches!(self.setpoint, ReportedSetpoint::Position(_)) {
+            let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
+            panels.push(Panel::new("position, counts", 150.0, vec![goal(), position]));
         }
+        let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
+        let is_velocity = matches!(self.setpoint, ReportedSetpoint::Velocity(_));
+        let speeds = if is_velocity { vec![goal(), speed] } else { vec![speed] };
+        panels.push(Panel::new("speed, counts/s", 170.0, speeds));
         let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
         if reported || self.power().is_some() {
             let value = |s: &Sample| s.control.or(self.power()).map_or(f64::NAN, fraction);

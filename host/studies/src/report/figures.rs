@@ -1,7 +1,7 @@
 //! The charts of a run: one for each motor, and one of all motors with and without braking regime.
 
 use super::{RunReport, WITHOUT};
-use crate::measures::{NO_TICK, regime_of};
+use crate::measures::regime_of;
 use crate::points::{CONTROL_RANGE, fraction};
 use crate::{Lines, NamedFigure};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
@@ -17,16 +17,16 @@ const CURRENT: &str = "motor current, A, mean of a control period";
 impl RunReport {
     /// A chart of each motor, and one of all motors with and without a braking regime.
     pub fn figures(&self) -> Vec<NamedFigure> {
-        let motors = self.scenario.motors.iter().enumerate();
-        let single = motors.map(|(index, motor)| {
-            let figure = of_motor(&self.scenario, &self.as_set, index, motor);
+        let motors = self.scenario.motors.iter().zip(&self.measures).enumerate();
+        let single = motors.map(|(index, (motor, [measures, _]))| {
+            let figure = of_motor(&self.scenario, &self.as_set, index, motor, measures.regulator);
             (format!("motor-{index}-{}", file_name(&motor.label)), figure)
         });
         single.chain([("comparison".to_owned(), compared(self))]).collect()
     }
 }
 
-fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> Figure {
+fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor, regulator: &str) -> Figure {
     let lines = Lines { trace, motor: index };
     let bands = regimes(scenario, trace, index);
     let over_bands = |panel: Panel| Panel { bands: bands.clone(), ..panel };
@@ -52,10 +52,9 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     Figure {
         title: format!("{}: {}", motor.label, motor.constants.name),
         subtitle: format!(
-            "{}; {}, {}, control period {} ms, load {} kg m\u{b2}",
+            "{}; {}, {regulator}, control period {} ms, load {} kg m\u{b2}",
             scenario.name,
             scheme::describe(motor.scheme),
-            regulator(trace, index),
             scenario.period.as_millis(),
             significant(motor.load.inertia_after.0),
         ),
@@ -81,12 +80,6 @@ fn speed_lines(motor: &Motor, lines: Lines) -> Vec<Series> {
     } else {
         vec![speed]
     }
-}
-
-/// The regulator of the motor at the end of a run.
-fn regulator(trace: &Trace, index: usize) -> &'static str {
-    let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
-    last.map_or(NO_TICK, |sample| sample.report.regulator.name())
 }
 
 fn has_velocity(motor: &Motor) -> bool {
