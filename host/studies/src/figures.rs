@@ -1,7 +1,7 @@
 //! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear
 //! current.
 
-use crate::points::{self, CONTROL_RANGE, Look, fraction};
+use crate::points::{self, CONTROL_RANGE, FULL_SCALE, Look, fraction};
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme};
@@ -19,8 +19,6 @@ use simulated::hardware::{self, winding};
 /// direction in which the motor turns. The picture depends on no number, so it is a file.
 pub const CIRCUITS: &str = include_str!("../../../docs/pictures/circuits.svg");
 
-/// Full scale of control values in figures.
-const CONTROL_MAX: f64 = 1.0;
 /// Battery voltage in figures, in volts.
 const BATTERY: f64 = 12.0;
 /// Bridge of the model in figures.
@@ -139,7 +137,7 @@ fn emf_at(motor: &Motor, share: f64) -> f64 {
 
 fn model_points(motor: &Motor, scheme: paper::Scheme, emf: f64) -> Points {
     let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
-    scheme.points(CONTROL_MAX, motor.r, at)
+    scheme.points(FULL_SCALE, motor.r, at)
 }
 
 fn scheme_figure(motor: &Motor, title: &str, scheme: impl Fn(f64) -> paper::Scheme, unit: &str) -> Figure {
@@ -214,7 +212,7 @@ fn measured(
 
 /// The current in amperes that Scheme A or B requests.
 fn requested(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
-    let c = control / CONTROL_MAX;
+    let c = control / FULL_SCALE;
     let volts = match scheme {
         Scheme::A => c * BATTERY - emf,
         _ => c * if c > 0.0 { BATTERY - emf } else { BATTERY + emf },

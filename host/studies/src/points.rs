@@ -167,6 +167,8 @@ impl OperatingReport {
     }
 }
 
+/// Full scale of control values in charts.
+pub(crate) const FULL_SCALE: f64 = 1.0;
 /// The axis of control values in charts: full scale and a margin.
 pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
 
@@ -174,9 +176,6 @@ pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
 pub(crate) fn fraction(steps: i16) -> f64 {
     f64::from(steps) / f64::from(Control::MAX.get())
 }
-
-/// Largest control value, as a fraction of full scale.
-const REACH: f64 = 1.0;
 
 /// How the points of a motor are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -216,7 +215,7 @@ pub(crate) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
 /// The part of a line from `a` to `b` that lies within the control range, ascending.
 fn within_reach(a: (f64, f64), b: (f64, f64)) -> Vec<(f64, f64)> {
     let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-    let (low, high) = (a.0.max(-REACH), b.0.min(REACH));
+    let (low, high) = (a.0.max(-FULL_SCALE), b.0.min(FULL_SCALE));
     if low > high {
         return Vec::new();
     }

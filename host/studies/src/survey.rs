@@ -102,20 +102,16 @@ impl Knowledge {
     /// The scenario at this control period, with its motors configured like this.
     fn at_period(self, scenario: &Scenario, period_ms: u32) -> Result<Scenario, StudyError> {
         let mut scenario = Scenario { period: Period::from_millis(period_ms)?, ..scenario.clone() };
-        self.configure(&mut scenario);
+        self.configure(&mut scenario.motors);
         Ok(scenario)
     }
 
-    /// Configures the motors of a scenario.
-    fn configure(self, scenario: &mut Scenario) {
-        for motor in &mut scenario.motors {
-            motor.configuration = self.configured(&motor.constants);
+    /// Configures motors.
+    fn configure(self, motors: &mut [Motor]) {
+        for motor in motors {
+            let of = self.of_sibling.then(|| sibling(&motor.constants)).flatten();
+            motor.configuration = Configuration { of, ..self.factors };
         }
-    }
-
-    /// The configuration of a motor.
-    fn configured(self, motor: &catalogue::Motor) -> Configuration {
-        Configuration { of: self.of_sibling.then(|| sibling(motor)).flatten(), ..self.factors }
     }
 }
 
@@ -256,7 +252,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     };
     scenario.duration_s = end_ms as f64 / 1e3;
     for knowledge in Knowledge::ALL {
-        knowledge.configure(&mut scenario);
+        knowledge.configure(&mut scenario.motors);
         let tracks = responses::watch(&scenario)?;
         for (change, response) in settleable.iter().zip(&mut responses) {
             let track = tracks.get(response.motor).map_or(&[][..], Vec::as_slice);
@@ -341,9 +337,9 @@ mod tests {
     fn a_hub_that_knows_the_cold_motor_takes_the_hot_one_for_stronger() {
         let constants = characterised("AM 60 A").expect("in the catalogue").with_measured_rotor_inertia();
         let gain = |knowledge: Knowledge| {
-            let mut motor = Motor::new(constants, Load::NONE);
-            motor.configuration = knowledge.configured(&constants);
-            let dynamics = motor.settings().expect("it fits").dynamics.expect("configured");
+            let mut motors = [Motor::new(constants, Load::NONE)];
+            knowledge.configure(&mut motors);
+            let dynamics = motors[0].settings().expect("it fits").dynamics.expect("configured");
             f64::from(dynamics.gain.to_bits())
         };
         // The acceleration per volt is Kt / (R J).

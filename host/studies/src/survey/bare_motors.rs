@@ -39,11 +39,10 @@ pub struct BareMotor {
 /// # Errors
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, StudyError> {
-    let measured = || catalogue::motors().map(|motor| motor.with_measured_rotor_inertia());
+    let measured = |motor: catalogue::Motor| motor.with_measured_rotor_inertia();
     // With their measured inertia the Core Hex motors take half a minute to start.
-    let slow = |motor: &catalogue::Motor| time_constant(motor, &Load::NONE) > SLOW;
-    let with_paper_inertia = catalogue::motors().zip(measured()).filter(|(_, measured)| slow(measured));
-    let motors = measured().chain(with_paper_inertia.map(|(motor, _)| motor));
+    let slow = |motor: &catalogue::Motor| time_constant(&measured(*motor), &Load::NONE) > SLOW;
+    let motors = catalogue::motors().map(measured).chain(catalogue::motors().filter(slow));
     let cases: Vec<_> = motors.flat_map(|motor| ["velocity", "position"].map(|mode| (motor, mode))).collect();
     parallel::map(&cases, |&(motor, mode)| bare_motor(motor, mode), progress)
 }

@@ -170,7 +170,7 @@ fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
 fn scenario(seed: u64, number: u64) -> Case {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::EXACT);
-    knowledge.configure(&mut scenario);
+    knowledge.configure(&mut scenario.motors);
     for motor in &mut scenario.motors {
         // The friction of the survey is at most 10 % of the stall torque; here it is at most 40 %.
         motor.constants.friction =

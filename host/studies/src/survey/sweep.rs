@@ -37,7 +37,7 @@ pub fn scenarios(every: usize) -> Vec<Case> {
                 scenario.period = Period::from_millis(period_ms).unwrap_or_default();
                 scenario.battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
                 scenario.unlimited = true;
-                knowledge.configure(&mut scenario);
+                knowledge.configure(&mut scenario.motors);
                 if all.len() % 2 == 1 {
                     scenario.motors.iter_mut().for_each(|motor| motor.bridge = REAL_BRIDGE);
                 }
@@ -73,15 +73,14 @@ pub fn long_scenarios(every: usize) -> Vec<Case> {
                 let reflected = constants.eta * constants.gear_ratio * constants.gear_ratio;
                 let load = Load::inertia(KgM2((multiple - 1.0) * constants.j.0 * reflected));
                 let setpoints = timed(long_course(free_cps(&constants, 12.0), positions));
-                let mut motor = Motor { setpoints, ..Motor::new(constants, load) };
-                motor.configuration = knowledge.configured(&constants);
+                let mut motors = vec![Motor { setpoints, ..Motor::new(constants, load) }];
+                knowledge.configure(&mut motors);
                 // Some motors accelerate more slowly than the hub's settings can represent.
-                if motor.settings().is_err() {
+                if motors.iter().any(|motor| motor.settings().is_err()) {
                     continue;
                 }
                 let period = Period::from_millis(period_ms).unwrap_or_default();
-                let scenario = Scenario::new("long sweep", LONG_S, vec![motor]);
-                all.push((Scenario { period, ..scenario }, knowledge));
+                all.push((Scenario { period, ..Scenario::new("long sweep", LONG_S, motors) }, knowledge));
             }
         }
     }
