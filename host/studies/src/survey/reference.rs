@@ -209,29 +209,26 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
     parallel::map(&tasks()?, Task::run, progress)
 }
 
+fn at_all_periods<T>(run: impl Fn(u32) -> Result<T, StudyError>) -> Result<Vec<T>, StudyError> {
+    PERIODS.into_iter().map(run).collect()
+}
+
 impl Task {
     /// The row of the task with its results.
     fn run(&self) -> Result<Row, StudyError> {
+        let degrees = |knowledge| at_all_periods(|ms| self.heading_error(knowledge, ms));
+        let verdicts = |late_s, knowledge| at_all_periods(|ms| self.worst(late_s, knowledge, ms));
         let mut row = self.row.clone();
-        for ms in PERIODS {
-            for (knowledge, verdicts, late, degrees) in [
-                (
-                    Knowledge::EXACT,
-                    &mut row.configured,
-                    &mut row.configured_late,
-                    &mut row.configured_degrees,
-                ),
-                (Knowledge::UNKNOWN, &mut row.unknown, &mut row.unknown_late, &mut row.unknown_degrees),
-            ] {
-                if self.row.figure == Figure::Heading {
-                    degrees.push(self.heading_error(knowledge, ms)?);
-                    continue;
-                }
-                verdicts.push(self.worst(0.0, knowledge, ms)?);
-                if self.row.figure == Figure::Settling {
-                    late.push(self.worst(LATE_S, knowledge, ms)?);
-                }
-            }
+        if row.figure == Figure::Heading {
+            row.configured_degrees = degrees(Knowledge::EXACT)?;
+            row.unknown_degrees = degrees(Knowledge::UNKNOWN)?;
+            return Ok(row);
+        }
+        row.configured = verdicts(0.0, Knowledge::EXACT)?;
+        row.unknown = verdicts(0.0, Knowledge::UNKNOWN)?;
+        if row.figure == Figure::Settling {
+            row.configured_late = verdicts(LATE_S, Knowledge::EXACT)?;
+            row.unknown_late = verdicts(LATE_S, Knowledge::UNKNOWN)?;
         }
         Ok(row)
     }
