@@ -2,10 +2,9 @@
 //! that is always open.
 
 use super::tcp::Tcp;
-use std::collections::VecDeque;
 use std::fmt::{self, Debug, Display, Formatter};
 use std::io::{self, ErrorKind, Read, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 #[cfg(unix)]
 use super::pty::Pty;
@@ -78,46 +77,30 @@ pub fn tcp(address: &str) -> Result<Box<dyn Line>, LineError> {
 /// Creates a line within this process, and the host's end of it. The host counts as connected all the time.
 #[must_use]
 pub fn within_process() -> (Box<dyn Line>, Wire) {
-    let (hub, host) = Wire::pair();
-    (Box::new(hub), host)
-}
-
-/// Bytes that were sent in one direction and not received yet.
-#[derive(Clone, Debug, Default)]
-struct Queue(Arc<Mutex<VecDeque<u8>>>);
-
-impl Queue {
-    fn bytes(&self) -> MutexGuard<'_, VecDeque<u8>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+    let ((to_hub, from_host), (to_host, from_hub)) = (channel(), channel());
+    let hub = Wire { incoming: from_host, outgoing: to_host };
+    (Box::new(hub), Wire { incoming: from_hub, outgoing: to_hub })
 }
 
 /// One end of a line within this process. A read without bytes fails as `WouldBlock`.
 #[derive(Debug)]
 pub struct Wire {
-    incoming: Queue,
-    outgoing: Queue,
-}
-
-impl Wire {
-    /// Creates both ends of a line.
-    #[must_use]
-    pub fn pair() -> (Self, Self) {
-        let (one, other) = (Queue::default(), Queue::default());
-        (Self { incoming: one.clone(), outgoing: other.clone() }, Self { incoming: other, outgoing: one })
-    }
+    incoming: Receiver<u8>,
+    outgoing: Sender<u8>,
 }
 
 impl Read for Wire {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let mut incoming = self.incoming.bytes();
-        if incoming.is_empty() { Err(ErrorKind::WouldBlock.into()) } else { incoming.read(bytes) }
+        let received =
+            bytes.iter_mut().zip(self.incoming.try_iter()).map(|(byte, next)| *byte = next).count();
+        if received == 0 { Err(ErrorKind::WouldBlock.into()) } else { Ok(received) }
     }
 }
 
 impl Write for Wire {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.outgoing.bytes().extend(bytes);
+        // Bytes to an end that is gone are dropped.
+        bytes.iter().for_each(|byte| self.outgoing.send(*byte).unwrap_or_default());
         Ok(bytes.len())
     }
 
