@@ -3,7 +3,7 @@
 //! | bus | address | device |
 //! |---|---|---|
 //! | 0 | 0x28 | a [`Bno055`], which turns with the drive base |
-//! | 1 | 0x50 | a memory of 256 bytes; the first byte of a write is the address of the next byte |
+//! | 1 | 0x50 | a [`ByteMemory`] |
 //!
 //! The other two buses have no device. A transfer takes the time of its bits. A fault of the bus makes the transfer fail,
 //! hang or take longer.
@@ -43,19 +43,57 @@ pub enum Fault {
     Stretching,
 }
 
+/// A memory of 256 bytes. The first byte of a write is the address of the next byte. A read begins where the last access
+/// ended.
+#[derive(Clone, Debug)]
+pub struct ByteMemory {
+    bytes: [u8; 256],
+    next: u8,
+}
+
+impl ByteMemory {
+    /// Creates a memory with this content.
+    pub const fn new(bytes: [u8; 256]) -> Self {
+        Self { bytes, next: 0 }
+    }
+
+    /// Returns the byte at an address.
+    pub const fn byte(&self, address: u8) -> u8 {
+        self.bytes[address as usize]
+    }
+
+    /// Writes the bytes of one transfer.
+    pub fn write(&mut self, bytes: &[u8]) {
+        let Some((address, contents)) = bytes.split_first() else { return };
+        self.next = *address;
+        contents.iter().for_each(|byte| *self.next_byte() = *byte);
+    }
+
+    /// Reads bytes.
+    pub fn read(&mut self, bytes: &mut [u8]) {
+        bytes.iter_mut().for_each(|byte| *byte = *self.next_byte());
+    }
+
+    fn next_byte(&mut self) -> &mut u8 {
+        let address = self.next;
+        self.next = address.wrapping_add(1);
+        &mut self.bytes[usize::from(address)]
+    }
+}
+
 /// The devices of all buses.
 #[derive(Clone, Debug)]
 pub(crate) struct I2cDevices {
     pub(crate) imu: Bno055,
-    memory: [u8; 256],
-    next: u8,
+    memory: ByteMemory,
     /// Conditions of the buses.
     pub(crate) faults: [Fault; I2C_BUSES],
 }
 
 impl Default for I2cDevices {
     fn default() -> Self {
-        Self { imu: Bno055::default(), memory: [0; 256], next: 0, faults: [Fault::None; I2C_BUSES] }
+        let memory = ByteMemory::new([0; 256]);
+        Self { imu: Bno055::default(), memory, faults: [Fault::None; I2C_BUSES] }
     }
 }
 
@@ -81,22 +119,8 @@ impl I2cDevices {
                     self.imu.start();
                     self.imu.read(bytes);
                 }
-                (1, MEMORY_ADDRESS, Operation::Write(bytes)) => {
-                    for (index, byte) in bytes.iter().enumerate() {
-                        if index == 0 {
-                            self.next = *byte;
-                            continue;
-                        }
-                        self.memory[usize::from(self.next)] = *byte;
-                        self.next = self.next.wrapping_add(1);
-                    }
-                }
-                (1, MEMORY_ADDRESS, Operation::Read(bytes)) => {
-                    for byte in bytes.iter_mut() {
-                        *byte = self.memory[usize::from(self.next)];
-                        self.next = self.next.wrapping_add(1);
-                    }
-                }
+                (1, MEMORY_ADDRESS, Operation::Write(bytes)) => self.memory.write(bytes),
+                (1, MEMORY_ADDRESS, Operation::Read(bytes)) => self.memory.read(bytes),
                 _ => return NO_DEVICE,
             }
         }

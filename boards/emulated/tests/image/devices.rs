@@ -240,7 +240,7 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
     hub.bench.attach(0, RegisterDevice::bno055());
     let numbers: [u8; 256] = std::array::from_fn(|number| number as u8 ^ 0xA5);
     for bus in 1..buses {
-        hub.bench.attach(bus.into(), RegisterDevice::new(0x28, numbers));
+        hub.bench.attach(bus.into(), RegisterDevice::new(numbers));
     }
     assert_eq!(hub.read_register(0, 0x00, 1).0, 0);
     assert_eq!(hub.read_register(0, 0x00, 1).1, [0xA0]);
