@@ -26,9 +26,10 @@ use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
-use motor_hub::units::{Control, CountsPerSecond, Duty, Period, RangeError};
+use motor_hub::units::{Control, CountsPerSecond, Duty, Period};
 use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
+use simulated::sim::{RunError, settings_of};
 use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{Bench, Setup};
@@ -53,13 +54,8 @@ pub enum ReplayError {
     #[error("the emulated board does not run {0} of a scenario; remove it from the scenario")]
     Part(&'static str),
     /// A motor's constants do not fit the firmware.
-    #[error("{label}: {error}")]
-    Motor {
-        /// Label of the motor in the scenario.
-        label: String,
-        /// The constant and its range.
-        error: RangeError,
-    },
+    #[error(transparent)]
+    Motor(RunError),
     /// The hub refuses a motor's set-up.
     #[error("the hub refuses the configuration of a motor")]
     SetupRefused,
@@ -174,9 +170,7 @@ fn set_up(
     scenario: &Scenario,
 ) -> Result<(), ReplayError> {
     let motor = &scenario.motors[usize::from(channel)];
-    let settings =
-        motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
-    let settings = MotorSettings::new(settings);
+    let settings = MotorSettings::new(settings_of(motor).map_err(ReplayError::Motor)?);
     let request = |group| Request::Set(channel, Values::of(group, &settings));
     let default = MotorSettings::new(Settings::new(settings.motor.winding));
     // An image that the user has chosen may lack this hub's own protocol.

@@ -182,7 +182,11 @@ pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunEr
     Ok(settings)
 }
 
-fn settings_of(motor: &Motor) -> Result<Settings, RunError> {
+/// Returns the hub's settings for a motor.
+///
+/// # Errors
+/// If a constant of the motor does not fit the firmware.
+pub fn settings_of(motor: &Motor) -> Result<Settings, RunError> {
     motor.settings().map_err(|error| RunError::Motor { label: motor.label.clone(), error })
 }
 
