@@ -259,15 +259,14 @@ impl Shafts {
     pub(crate) fn command(&mut self, index: usize, at: u64, lines: Lines) {
         self.rebase(index, at);
         let ticks = self.grid.map_or(1, |grid| grid.ticks);
-        let torque_after = self.shafts[index].command.torque_after;
         let [on, off] = [true, false].map(|high| lines.state(high));
-        self.shafts[index].command = match lines.pwm {
-            Output::Level(true) => PlantInput { on, off: on, duty: 1.0, torque_after },
-            Output::Level(false) => PlantInput { on: off, off, duty: 0.0, torque_after },
-            Output::Pulse(high) => {
-                PlantInput { on, off, duty: f64::from(high) / f64::from(ticks), torque_after }
-            }
+        let (on, off, duty) = match lines.pwm {
+            Output::Level(true) => (on, on, 1.0),
+            Output::Level(false) => (off, off, 0.0),
+            Output::Pulse(high) => (on, off, f64::from(high) / f64::from(ticks)),
         };
+        let command = &mut self.shafts[index].command;
+        *command = PlantInput { on, off, duty, ..*command };
         self.simulate_again(index);
     }
 

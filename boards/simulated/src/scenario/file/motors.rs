@@ -241,7 +241,9 @@ impl MotorTable {
             position: self.coefficients.position.map(Pidf::from),
             setpoints: timeline(&self.setpoints, duration_s, |table| (table.at_s, table.check()))?,
             torques: self.torques(duration_s)?,
-            heat: timeline(&self.heat, duration_s, |table| (table.at_s, Ok(table.into())))?,
+            heat: timeline(&self.heat, duration_s, |&HeatTable { at_s, winding_k, magnets_k }| {
+                (at_s, Ok(Temperatures { winding_k: winding_k.0, magnets_k: magnets_k.0 }))
+            })?,
             encoder: timeline(&self.encoder, duration_s, |table| (table.at_s, table.check()))?,
         })
     }
@@ -280,12 +282,6 @@ impl MotorTable {
         let first = Timed { at_s: 0.0, value: or(self.load.torque_nm, 0.0) };
         let changes = timeline(&self.torques, duration_s, |table| (table.at_s, Ok(table.torque_nm.0)))?;
         Ok(std::iter::once(first).chain(changes).collect())
-    }
-}
-
-impl From<&HeatTable> for Temperatures {
-    fn from(table: &HeatTable) -> Self {
-        Self { winding_k: table.winding_k.0, magnets_k: table.magnets_k.0 }
     }
 }
 
