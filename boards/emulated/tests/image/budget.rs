@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{am60, board, ms, publish};
+use crate::common::{board, ms, publish};
 use crate::recording::{Configuration, ControlVariant, Counts, OnChip, Recording};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
@@ -15,28 +15,17 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use object::{Object, ObjectSection};
 
-/// Returns set-points of low and high speeds in both directions, each for a second.
-fn velocities(per_second: usize) -> impl Fn(usize) -> Setpoint {
-    move |tick| {
-        let speeds = [1000, 2400, 300, -700, -2600, -40, 0, 1500, 15, 2000, -2000, 5];
-        Setpoint::Velocity(CountsPerSecond::new(speeds[tick / per_second % speeds.len()]))
-    }
-}
-
-fn positions(per_second: usize) -> impl Fn(usize) -> Setpoint {
-    move |tick| Setpoint::Position {
-        target: [500, 4000, -3000, -2990, 0, 12][tick / (2 * per_second) % 6],
-        tolerance: 5,
-        speed_limit: CountsPerSecond::new(2200),
-    }
-}
-
-/// Returns the external torque on the output shaft in N m: none, one in each direction, and a larger one.
-fn torque(tick: usize) -> f64 {
-    [0.0, 0.3, -0.3, 0.0, 0.8][tick / 37 % 5]
-}
-
 const MODES: [&str; 2] = ["velocity", "position"];
+
+/// Returns the set-point of a second: low and high speeds in both directions, each for a second, or positions, each for two seconds.
+fn setpoint(mode: &str, second: usize) -> Setpoint {
+    if mode == "velocity" {
+        let speeds = [1000, 2400, 300, -700, -2600, -40, 0, 1500, 15, 2000, -2000, 5];
+        return Setpoint::Velocity(CountsPerSecond::new(speeds[second % speeds.len()]));
+    }
+    let target = [500, 4000, -3000, -2990, 0, 12][second / 2 % 6];
+    Setpoint::Position { target, tolerance: 5, speed_limit: CountsPerSecond::new(2200) }
+}
 
 fn variants() -> impl Iterator<Item = ControlVariant> {
     Configuration::ALL
@@ -47,10 +36,7 @@ fn variants() -> impl Iterator<Item = ControlVariant> {
 fn record(mode: &str, variant: ControlVariant, ms: u32, ticks: usize) -> Recording {
     let period = Period::from_millis(ms).expect("a period");
     let per_second = 1000 / ms as usize;
-    match mode {
-        "velocity" => Recording::new(&am60(), variant, period, ticks, velocities(per_second), torque),
-        _ => Recording::new(&am60(), variant, period, ticks, positions(per_second), torque),
-    }
+    Recording::new(variant, period, ticks, |tick| setpoint(mode, tick / per_second))
 }
 
 #[test]

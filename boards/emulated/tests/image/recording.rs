@@ -16,7 +16,7 @@ use motor_hub::supply::Battery;
 use motor_hub::units::{EmfConstant, Micros, Millivolts, Period};
 use simulated::hardware::mechanics;
 
-use crate::common::ms;
+use crate::common::{am60, ms};
 
 /// What is configured of a motor. This decides how the motor is regulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,21 +84,20 @@ pub(crate) struct Recording {
 }
 
 impl Recording {
-    /// Runs a motor for a number of ticks. `setpoint` returns the set-point of a tick, and `torque` the external torque on the
-    /// output shaft, N m. The battery voltage falls from 13 V to 11 V meanwhile.
+    /// Runs a motor for a number of ticks. `setpoint` returns the set-point of a tick. The battery voltage falls from 13 V to 11 V
+    /// meanwhile.
     pub(crate) fn new(
-        mounting: &Mounting,
         variant: ControlVariant,
         period: Period,
         ticks: usize,
         setpoint: impl Fn(usize) -> Setpoint,
-        torque: impl Fn(usize) -> f64,
     ) -> Self {
+        let mounting = am60();
         let motor = &mounting.motor;
         let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect("a motor's constants");
         let winding = Winding { emf, ..Winding::NEVEREST_60 };
         let settings = Settings { duty: variant.rule, ..Settings::new(winding) };
-        let settings = variant.configuration.apply(settings, mounting, period);
+        let settings = variant.configuration.apply(settings, &mounting, period);
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);
@@ -108,9 +107,11 @@ impl Recording {
         let mut reading = tracker.step(0, Micros::new(0));
         for tick in 0..ticks {
             let volts = 13.0 - 2.0 * tick as f64 / ticks as f64;
+            // External torques on the output shaft: none, one in each direction, and a larger one.
+            let torque_nm = [0.0, 0.3, -0.3, 0.0, 0.8][tick / 37 % 5];
             for ms in 1..=u64::from(period.as_millis()) {
                 let command = PlantInput {
-                    torque_after: NewtonMetres(torque(tick)),
+                    torque_after: NewtonMetres(torque_nm),
                     ..PlantInput::pwm(drive.mode, drive.duty.to_f64())
                 };
                 plant.run(Seconds(1e-3), command, Volts(volts));
