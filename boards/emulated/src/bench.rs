@@ -7,8 +7,6 @@ mod faults;
 mod probe;
 
 pub use chain::{ChainBench, LineFault};
-pub use devices::ServoPulse;
-pub use probe::Hit;
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
@@ -20,7 +18,7 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::si::{Ohms, Volts};
 use rigless::emulator::{Host, Start};
 use rigless::image::Image;
-use rigless::session::Session;
+use rigless::session::{Reset, Session};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
@@ -31,6 +29,7 @@ use crate::faulty_code;
 use crate::processor::Code;
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
+use crate::serial::SerialByte;
 use crate::shafts::{Look, Mounting, Shafts};
 use crate::surroundings::{BenchTask, Surroundings, terminal};
 use crate::wiring;
@@ -85,24 +84,6 @@ impl Setup {
             gdb: None,
         }
     }
-}
-
-/// One byte on the serial line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SerialByte {
-    /// Time at which the stop bit of the byte ended.
-    pub at: Duration,
-    /// The byte.
-    pub byte: u8,
-}
-
-/// A restart of the chip.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reset {
-    /// Time of the restart.
-    pub at: Duration,
-    /// Cause of the restart, as the emulator names it.
-    pub cause: String,
 }
 
 /// Why the emulator's thread ended before the end of its bench.
@@ -324,10 +305,7 @@ impl Bench {
     /// Sends bytes to the chip on the serial line, without pauses.
     pub fn send(&mut self, bytes: &[u8]) {
         let (bytes, line) = (bytes.to_vec(), self.line);
-        self.post(move |surroundings, session, _| {
-            let now = surroundings.now;
-            terminal(session, line).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
-        });
+        self.post(move |_, session, _| terminal(session, line).outgoing.extend(bytes));
     }
 
     /// Returns the bytes that the chip has sent on the serial line since the last call.
@@ -337,20 +315,12 @@ impl Bench {
             terminal(session, line).incoming.get(received..).unwrap_or_default().to_vec()
         });
         self.received += bytes.len();
-        bytes.into_iter().map(|(at, byte)| SerialByte { at: Duration::from_nanos(at), byte }).collect()
+        bytes
     }
 
     /// Returns all resets of the chip so far.
     pub fn resets(&mut self) -> Vec<Reset> {
-        self.at_stop(|_, session, _| {
-            let resets = session.resets().iter();
-            resets
-                .map(|reset| Reset {
-                    at: Duration::from_nanos(reset.at.0),
-                    cause: format!("{:?}", reset.cause),
-                })
-                .collect()
-        })
+        self.at_stop(|_, session, _| session.resets().to_vec())
     }
 
     /// Returns what the emulator could not do as the chip would. A run with such a gap proves nothing.

@@ -14,8 +14,8 @@ macro_rules! same_on_every_chip {
             timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
         }
 
-        fn servo(&self, servo: usize) -> &[Edge] {
-            &self.servos[servo].edges
+        fn servo(&self, servo: usize) -> &[ServoPulse] {
+            &self.servos[servo].pulses
         }
 
         fn attach_device(&mut self, bus: usize, device: RegisterDevice) {
@@ -92,10 +92,10 @@ use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::system_break::Connections;
-use crate::wiring;
+use crate::wiring::{self, AnalogInput};
 pub use flash_interface::FlashFaults;
 pub(crate) use h743::Chip as H743;
-pub(crate) use servo_timer::Edge;
+pub use servo_timer::ServoPulse;
 
 /// Supply voltage of the chip, mV.
 const RAIL_MV: u32 = 3_300;
@@ -169,15 +169,15 @@ impl Port {
     }
 }
 
-/// Faults that each chip can have.
+/// Faults that each chip can have. The default has none.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ChipFaults {
+pub struct ChipFaults {
     /// True if the battery's converter accepts commands but converts nothing.
-    pub(crate) converter_dead: bool,
-    /// True if the power controller only stores what is written to it, so the clocks never start.
-    pub(crate) power_dead: bool,
-    /// True if nothing is connected to the battery's pin.
-    pub(crate) battery_open: bool,
+    pub converter_dead: bool,
+    /// True if the power controller reports nothing, as with a broken regulator, so the clocks never start after a reset.
+    pub power_dead: bool,
+    /// True if nothing is connected to the battery's pin, as when the wire from the voltage divider is broken.
+    pub battery_open: bool,
 }
 
 /// A microcontroller with what the bench does to it. Port A has the number 0.
@@ -192,20 +192,14 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// output of the detector causes the interrupt, if its line is unmasked.
     fn follow_detector(&mut self, at: VirtualNanos);
 
-    /// Sets the voltage on the battery's pin, mV.
-    fn set_battery(&mut self, millivolts: u32);
-
-    /// Sets the voltage on the pin of a motor's current-sense line, mV.
-    fn set_current(&mut self, motor: usize, millivolts: u32);
-
-    /// Sets the voltage in mV on an analog input of the host, 0 to 3, or on the divider of the 5 V rail, 4.
-    fn set_analog(&mut self, input: usize, millivolts: u32);
+    /// Sets the voltage on the pin of an analog input, mV.
+    fn set_input(&mut self, input: AnalogInput, millivolts: u32);
 
     /// Sets the chip's temperature, in 0.01 degrees Celsius.
     fn set_temperature(&mut self, hundredths: i32);
 
-    /// Returns all edges on the pin of a servo so far.
-    fn servo(&self, servo: usize) -> &[Edge];
+    /// Returns all pulses on the pin of a servo so far, without a pulse that has not ended.
+    fn servo(&self, servo: usize) -> &[ServoPulse];
 
     /// Connects a device to an I2C bus.
     fn attach_device(&mut self, bus: usize, device: RegisterDevice);

@@ -34,13 +34,16 @@ mod surroundings;
 mod system_break;
 mod wiring;
 
-pub use bench::{Bench, ChainBench, Hit, LineFault, Reset, SerialByte, ServoPulse, Setup};
+pub use bench::{Bench, ChainBench, LineFault, Setup};
 pub use board::{Board, UnknownBoard};
 pub use bridge_lines::{Lines, Transition};
-pub use chip::FlashFaults;
+pub use chip::{ChipFaults, FlashFaults, ServoPulse};
 pub use faulty_code::FaultyCode;
 pub use pwm::{Grid, Output};
 pub use register_device::RegisterDevice;
+pub use rigless::emulator::Hit;
+pub use rigless::session::Reset;
 pub use rtt::LogLine;
+pub use serial::SerialByte;
 pub use shafts::{Look, Mounting};
 pub use simulated::encoder::{Encoder, Wire};

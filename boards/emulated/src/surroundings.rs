@@ -7,7 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use rigless::device::Level;
-use rigless::emulator::{Access, AccessKind, Driver, Host, Settled, Stop};
+use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
 use rigless::mcu::Operate;
 use rigless::session::Session;
 use rigless::soc::Width;
@@ -16,7 +16,6 @@ use rigless::time::VirtualNanos;
 use simulated::current_line::CurrentLine;
 use simulated::encoder::{Disturbances, Encoder, Wire};
 
-use crate::bench::Hit;
 use crate::board::Board;
 use crate::bridge_lines::{Lines, Transition};
 use crate::chip::Nucleo;
@@ -231,17 +230,18 @@ impl Surroundings {
         }
     }
 
-    /// Puts the battery's voltage on the converter's pin.
-    fn show_battery(&self, session: &mut Session<Nucleo>) {
-        let millivolts = self.shafts.voltage * 1000.0 * wiring::DIVIDER;
-        session.board_mut().chip.set_battery(millivolts.round() as u32);
-    }
-
-    /// Puts the voltages of the current-sense lines on the converter's pins. A pin without a line has 0 V.
-    fn show_currents(&self, session: &mut Session<Nucleo>) {
-        for (motor, line) in self.current_lines.iter().enumerate() {
+    /// Puts the battery's voltage and the voltages of the current-sense lines on the converters' pins. A pin without a current-sense
+    /// line has 0 V. An open battery pin keeps its voltage.
+    fn show_voltages(&self, session: &mut Session<Nucleo>) {
+        let chip = &mut session.board_mut().chip;
+        if !chip.faults().battery_open {
+            let millivolts = self.shafts.voltage * 1000.0 * wiring::DIVIDER;
+            chip.set_input(wiring::battery(self.board), millivolts.round() as u32);
+        }
+        let lines = self.current_lines.iter().zip(wiring::currents(self.board));
+        for (motor, (line, pin)) in lines.enumerate() {
             let volts = line.volts(self.shafts.sensed(motor)).unwrap_or(0.0);
-            session.board_mut().chip.set_current(motor, (1e3 * volts).round() as u32);
+            chip.set_input(pin, (1e3 * volts).round() as u32);
         }
     }
 
@@ -280,8 +280,7 @@ impl Surroundings {
         }
         while self.shafts.cell_end <= now {
             self.shafts.next_cell();
-            self.show_battery(session);
-            self.show_currents(session);
+            self.show_voltages(session);
             if now >= self.quiet_until {
                 self.rtt.drain(now, host).expect("the log's ring is in memory");
             }
@@ -339,10 +338,7 @@ impl Driver<Nucleo> for Surroundings {
                 self.instructions = stop.instruction_count;
                 self.look_for_reset(session);
             }
-            Settled::Hit(hit) => {
-                let at = Duration::from_nanos(hit.at.0);
-                self.hits.push(Hit { address: hit.address, count: hit.instruction_count, at });
-            }
+            Settled::Hit(hit) => self.hits.push(hit),
             _ => {}
         }
     }

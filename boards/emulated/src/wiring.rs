@@ -108,5 +108,39 @@ pub(crate) const fn chain_input(board: Board) -> (usize, u8) {
 /// instead, which the emulator does not drive.
 pub(crate) const CHAIN_DIRECTION: (usize, u8) = (C, 12);
 
+/// A pin that a converter measures: the number of the converter, and its channel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AnalogInput {
+    pub(crate) adc: usize,
+    pub(crate) channel: u8,
+}
+
+/// Returns the pin of the battery's divider: PA3.
+pub(crate) const fn battery(board: Board) -> AnalogInput {
+    match board {
+        Board::NucleoF429zi => AnalogInput { adc: 1, channel: 3 },
+        Board::NucleoH743zi2 => AnalogInput { adc: 1, channel: 15 },
+    }
+}
+
+/// Returns the pins of the current-sense lines by motor: PC0, PC3, PF3 and PF5 of the F427, or PC0, PB1, PA6 and PA5 of the H743.
+pub(crate) fn currents(board: Board) -> [AnalogInput; BRIDGES] {
+    let (adc, channels) = match board {
+        Board::NucleoF429zi => (3, [10, 13, 9, 15]),
+        Board::NucleoH743zi2 => (2, [10, 5, 3, 19]),
+    };
+    channels.map(|channel| AnalogInput { adc, channel })
+}
+
+/// Returns the pins of the host's analog inputs, and of the divider of the 5 V rail: PA4, PA5, PA6, PA0 and PB1 of the F427, or PF3,
+/// PF4, PF5, PF10 and PC2_C of the H743.
+pub(crate) fn analog(board: Board) -> [AnalogInput; 5] {
+    let (adc, channels) = match board {
+        Board::NucleoF429zi => (2, [4, 5, 6, 0, 9]),
+        Board::NucleoH743zi2 => (3, [5, 9, 4, 6, 0]),
+    };
+    channels.map(|channel| AnalogInput { adc, channel })
+}
+
 /// Voltage at the battery's pin divided by the battery voltage. The divider has 82 kohm to the battery and 10 kohm to ground.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

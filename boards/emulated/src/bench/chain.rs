@@ -46,7 +46,8 @@ pub struct ChainBench {
     fault: Option<LineFault>,
     /// Number of bytes of each hub that have passed the line.
     passed: Vec<usize>,
-    random: u64,
+    /// The sequence is the same in each run.
+    random: fastrand::Rng,
     /// Time in ns until which bytes are exchanged after each [`STEP`].
     busy_until: u64,
 }
@@ -62,7 +63,7 @@ impl ChainBench {
             .collect();
         hubs.iter_mut().skip(1).for_each(|child| child.use_line(wiring::CHAIN));
         let passed = vec![0; hubs.len()];
-        Self { hubs, fault: None, passed, random: 1, busy_until: 0 }
+        Self { hubs, fault: None, passed, random: fastrand::Rng::with_seed(1), busy_until: 0 }
     }
 
     /// Begins a fault of the line, or ends it.
@@ -109,7 +110,7 @@ impl ChainBench {
         hub.run_until(Duration::from_nanos(target));
         hub.post(move |_, session, _| {
             let incoming = &terminal(session, wiring::CHAIN).incoming;
-            incoming.iter().skip(passed).map(|&(_, byte)| byte).collect()
+            incoming.iter().skip(passed).map(|sent| sent.byte).collect()
         })
     }
 
@@ -128,7 +129,7 @@ impl ChainBench {
                 Some(LineFault::Cut | LineFault::Shorted) => continue,
                 Some(LineFault::Noise) => sent
                     .into_iter()
-                    .map(|byte| if self.draw().is_multiple_of(16) { byte ^ 0x10 } else { byte })
+                    .map(|byte| if self.random.u8(..16) == 0 { byte ^ 0x10 } else { byte })
                     .collect(),
                 Some(LineFault::Babble) => sent.into_iter().map(|byte| byte ^ 0x55).collect(),
             };
@@ -137,9 +138,8 @@ impl ChainBench {
         if on_chain {
             self.busy_until = nanos(self.now()) + IDLE_AFTER;
         }
-        let drawn = self.draw();
         let disturbance = match self.fault {
-            Some(LineFault::Noise) if drawn.is_multiple_of(NOISE_PERIOD) => vec![drawn.to_le_bytes()[1]],
+            Some(LineFault::Noise) if self.random.u64(..NOISE_PERIOD) == 0 => vec![self.random.u8(..)],
             Some(LineFault::Babble) => vec![0x44, 0x4B, 0x20, 0, 0],
             _ => return,
         };
@@ -149,21 +149,12 @@ impl ChainBench {
     /// Puts bytes on the input of a hub. Drops the bytes if [`WAITING`] or more bytes still wait there.
     fn deliver(&mut self, hub: usize, bytes: &[u8]) {
         let bytes = bytes.to_vec();
-        self.hubs[hub].post(move |surroundings, session, _| {
-            let now = surroundings.now;
+        self.hubs[hub].post(move |_, session, _| {
             let outgoing = &mut terminal(session, wiring::CHAIN).outgoing;
             if outgoing.len() < WAITING {
-                outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
+                outgoing.extend(bytes);
             }
         });
-    }
-
-    /// Returns the next random number (xorshift). The sequence is the same in each run.
-    fn draw(&mut self) -> u64 {
-        self.random ^= self.random << 13;
-        self.random ^= self.random >> 7;
-        self.random ^= self.random << 17;
-        self.random
     }
 
     /// Returns the beginnings and ends of the times in which a hub had its transceiver switched to sending. Only the
@@ -176,10 +167,8 @@ impl ChainBench {
 
     /// Returns the times at which the bytes that a hub has sent on the line begin and end.
     pub fn sent(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
-        let ends: Vec<u64> = self.hubs[hub].at_stop(|_, session, _| {
-            terminal(session, wiring::CHAIN).incoming.iter().map(|&(at, _)| at).collect()
-        });
-        ends.into_iter().map(Duration::from_nanos).map(|at| (at - BYTE, at)).collect()
+        let sent = self.hubs[hub].at_stop(|_, session, _| terminal(session, wiring::CHAIN).incoming.clone());
+        sent.into_iter().map(|sent| (sent.at - BYTE, sent.at)).collect()
     }
 }
 

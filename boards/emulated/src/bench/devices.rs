@@ -5,17 +5,9 @@ use std::time::Duration;
 use rigless::time::VirtualNanos;
 
 use super::{Bench, nanos};
+use crate::chip::ServoPulse;
 use crate::register_device::RegisterDevice;
 use crate::wiring;
-
-/// A pulse on the pin of a servo.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ServoPulse {
-    /// Time at which the pin rose.
-    pub at: Duration,
-    /// Time for which the pin was high.
-    pub high: Duration,
-}
 
 impl Bench {
     /// Returns the pulses on the pin of a servo so far, without a pulse that has not ended.
@@ -24,26 +16,23 @@ impl Bench {
     /// Panics if the chip does not connect the pin to the timer of the servo.
     pub fn servo_pulses(&mut self, servo: usize) -> Vec<ServoPulse> {
         let (port, pin) = wiring::SERVOS[servo];
-        let (edges, driven) = self.at_stop(move |_, session, _| {
+        let (pulses, driven) = self.at_stop(move |_, session, _| {
             let board = session.board_mut();
             (board.chip.servo(servo).to_vec(), board.port(port).is_function(pin))
         });
-        assert!(driven || edges.is_empty(), "the pin of servo {servo} is not its timer's");
-        let pulses = edges.as_chunks().0.iter().map(|edges: &[_; 2]| {
-            let [rise, fall] = edges.map(|(at, _)| Duration::from_nanos(at));
-            ServoPulse { at: rise, high: fall - rise }
-        });
-        pulses.collect()
+        assert!(driven || pulses.is_empty(), "the pin of servo {servo} is not its timer's");
+        pulses
     }
 
     /// Sets the voltage in mV on an analog input of the host, 0 to 3. An input without a wire has 0 V, because of its pull-down.
     pub fn set_analog(&mut self, input: usize, millivolts: u32) {
-        self.post(move |_, session, _| session.board_mut().chip.set_analog(input, millivolts));
+        let input = wiring::analog(self.board)[input];
+        self.post(move |_, session, _| session.board_mut().chip.set_input(input, millivolts));
     }
 
     /// Sets the voltage of the 5 V rail in mV. A divider puts half of it on the chip's pin.
     pub fn set_five_volts(&mut self, millivolts: u32) {
-        self.post(move |_, session, _| session.board_mut().chip.set_analog(4, millivolts / 2));
+        self.set_analog(4, millivolts / 2);
     }
 
     /// Sets the chip's temperature in degrees Celsius.

@@ -10,18 +10,18 @@ use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
 use super::{Bench, nanos};
-use crate::chip::{FlashFaults, H743};
+use crate::chip::{ChipFaults, FlashFaults, H743};
 use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
 impl Bench {
     /// Damages bytes that the chip receives, at random: `per_million` of a million bytes. One half of the damaged bytes
     /// has noise, the other half a framing error. The line is the line of the host, or the chain line of a child.
-    pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
+    pub fn garble_serial(&mut self, per_million: u32) {
         let line = self.line;
         self.post(move |_, session, _| {
             let errors = session.board_mut().chip.line_errors(line);
-            errors.seed = seed;
+            errors.seed = 7;
             for (rate, name) in [(&mut errors.noise, "noise"), (&mut errors.framing, "framing")] {
                 rate.name = name;
                 rate.per_million = per_million / 2;
@@ -81,11 +81,6 @@ impl Bench {
         self.post(move |surroundings, _, _| surroundings.shafts.battery.emf = Volts(volts));
     }
 
-    /// Disconnects the battery's pin, like a broken wire between the voltage divider and the chip, or connects it again.
-    pub fn open_battery_pin(&mut self, open: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.faults().battery_open = open);
-    }
-
     /// Sets the chip's supply voltage from now on, in millivolts.
     pub fn set_rail(&mut self, millivolts: u32) {
         self.post(move |surroundings, session, _| {
@@ -101,21 +96,15 @@ impl Bench {
         self.post(move |surroundings, _, _| surroundings.rtt.gone = gone);
     }
 
-    /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
-    pub fn set_adc_dead(&mut self, dead: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.faults().converter_dead = dead);
+    /// Sets the faults of the chip from now on.
+    pub fn set_chip_faults(&mut self, faults: ChipFaults) {
+        self.post(move |_, session, _| *session.board_mut().chip.faults() = faults);
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
     /// Panics on another chip than the H743.
     pub fn set_revision(&mut self, revision: u16) {
         self.on_h743(move |chip, now| chip.set_revision(VirtualNanos(now), revision));
-    }
-
-    /// If `dead` is true, the chip's power controller reports nothing, as with a broken regulator, so the clocks never
-    /// start after a reset. Otherwise it works again.
-    pub fn set_power_dead(&mut self, dead: bool) {
-        self.post(move |_, session, _| session.board_mut().chip.faults().power_dead = dead);
     }
 
     /// Sets the faults of the flash from now on.

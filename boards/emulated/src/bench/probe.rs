@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Duration;
 
-use rigless::emulator::Watch;
+use rigless::emulator::{Hit, Watch};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::st::tim::Channel;
@@ -12,17 +12,6 @@ use rigless::time::VirtualNanos;
 
 use super::Bench;
 use crate::elf;
-
-/// An execution of a watched instruction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Hit {
-    /// Address of the instruction.
-    pub address: u64,
-    /// Number of instructions before it since power-on.
-    pub count: u64,
-    /// Time since power-on.
-    pub at: Duration,
-}
 
 impl Bench {
     /// Returns the content of a peripheral's register at this address.

@@ -22,12 +22,12 @@ use rigless::time::VirtualNanos;
 
 use super::bus_lines::Lines;
 use super::sampling_capacitor::AdcWithCapacitor;
-use super::servo_timer::{Edge, ServoTimer};
+use super::servo_timer::{ServoPulse, ServoTimer};
 use super::{ChipFaults, Part, Port, RAIL_MV, StoredRegisters, core};
 use crate::board::Board;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
-use crate::wiring;
+use crate::wiring::{self, AnalogInput};
 
 /// Words that the factory writes, with their addresses (RM0090 39.2, STM32F429 data sheet, "internal reference voltage
 /// calibration values"): the flash size in kB, and readings with a supply of 3.3 V and 12 bits. The readings are those of the
@@ -40,13 +40,8 @@ const DETECTOR_LINE: u64 = 1 << 16;
 /// Number of the detector's interrupt in the emulator's list for PWR.
 const DETECTOR_INTERRUPT: usize = 0;
 
-/// ADC1_IN3 is PA3, the battery's divider.
-const BATTERY: adc::Channel = adc::Channel::new(3).expect("a channel on a pin");
 /// ADC1_IN12 is PC2, to which nothing is connected: number of the port, number of the pin, channel.
 const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
-
-/// ADC2_IN4, IN5, IN6 and IN0 are PA4, PA5, PA6 and PA0: the host's analog inputs. ADC2_IN9 is PB1: the 5 V rail's divider.
-const ANALOG: [u8; 5] = [4, 5, 6, 0, 9];
 
 /// The board that has this chip.
 const BOARD: Board = Board::NucleoF429zi;
@@ -101,7 +96,8 @@ impl Chip {
         let (port, pin, channel) = UNCONNECTED;
         let is_low = Port::read(self, BOARD, port).drives(pin) == Some(false);
         self.converter.converter.set_input(channel, 0);
-        let open = [(BATTERY, self.faults.battery_open), (channel, !is_low)];
+        let battery = adc::Channel::new(wiring::battery(BOARD).channel).expect("a channel on a pin");
+        let open = [(battery, self.faults.battery_open), (channel, !is_low)];
         self.converter.floating.clear();
         self.converter
             .floating
@@ -180,19 +176,10 @@ impl Part for Chip {
         rcc.timer_clock(registers, Apb::Two)
     }
 
-    fn set_battery(&mut self, millivolts: u32) {
-        self.converter.converter.set_input(BATTERY, millivolts);
-    }
-
-    fn set_current(&mut self, motor: usize, millivolts: u32) {
-        // ADC3_IN10, IN13, IN9 and IN15 are PC0, PC3, PF3 and PF5.
-        let channel = adc::Channel::new([10, 13, 9, 15][motor]).expect("a channel on a pin");
-        self.part.adc[2].set_input(channel, millivolts);
-    }
-
-    fn set_analog(&mut self, input: usize, millivolts: u32) {
-        let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
-        self.part.adc[1].set_input(channel, millivolts);
+    fn set_input(&mut self, AnalogInput { adc, channel }: AnalogInput, millivolts: u32) {
+        let channel = adc::Channel::new(channel).expect("a channel on a pin");
+        let converter = if adc == 1 { &mut self.converter.converter } else { &mut self.part.adc[adc - 1] };
+        converter.set_input(channel, millivolts);
     }
 
     fn set_temperature(&mut self, hundredths: i32) {

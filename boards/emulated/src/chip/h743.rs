@@ -25,14 +25,14 @@ use rigless::time::VirtualNanos;
 use super::bus_lines::Lines;
 use super::converter::Converter;
 use super::flash_interface::Interface;
-use super::servo_timer::{Edge, ServoTimer};
+use super::servo_timer::{ServoPulse, ServoTimer};
 use super::watchdog::Watchdog;
 use super::{ChipFaults, Part, RAIL_MV, StoredRegisters, core, peek};
 use crate::board::Board;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::system_break::{Connections, IDENTITY, OUTPUTS, Source};
-use crate::wiring;
+use crate::wiring::{self, AnalogInput};
 
 /// Words that the factory writes, with their addresses: TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181). They are
 /// readings with a supply of 3.3 V and 16 bits: of the emulator's temperature sensor at 30 and at 110 degrees, 0.62 and
@@ -59,10 +59,6 @@ const DEVICE: u64 = 0x450;
 /// Registers of the caches, 16 kB each for instructions and data (PM0253 tables 77 and 81). The emulator has only their
 /// registers.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
-
-/// ADC3_INP5, INP9, INP4 and INP6 are PF3, PF4, PF5 and PF10: the host's analog inputs. ADC3_INP0 is PC2_C: the 5 V rail's
-/// divider.
-const ANALOG: [u8; 5] = [5, 9, 4, 6, 0];
 
 /// The board that has this chip.
 const BOARD: Board = Board::NucleoH743zi2;
@@ -228,24 +224,9 @@ impl Part for Chip {
         rcc.timer_clock(registers, TimerBus::Apb2)
     }
 
-    fn set_battery(&mut self, millivolts: u32) {
-        // ADC12_INP15 is PA3.
-        let channel = adc::Channel::new(15).expect("a channel on a pin");
-        // An open pin keeps its voltage, because ADC1 converts no other channel.
-        if !self.faults.battery_open {
-            self.converters[0].emulated.set_input(channel, millivolts);
-        }
-    }
-
-    fn set_current(&mut self, motor: usize, millivolts: u32) {
-        // ADC12_INP10, INP5, INP3 and INP19 are PC0, PB1, PA6 and PA5.
-        let channel = adc::Channel::new([10, 5, 3, 19][motor]).expect("a channel on a pin");
-        self.converters[1].emulated.set_input(channel, millivolts);
-    }
-
-    fn set_analog(&mut self, input: usize, millivolts: u32) {
-        let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
-        self.converters[2].emulated.set_input(channel, millivolts);
+    fn set_input(&mut self, AnalogInput { adc, channel }: AnalogInput, millivolts: u32) {
+        let channel = adc::Channel::new(channel).expect("a channel on a pin");
+        self.converters[adc - 1].emulated.set_input(channel, millivolts);
     }
 
     fn set_temperature(&mut self, hundredths: i32) {

@@ -2,8 +2,10 @@
 //! of the STM32H743, whose pins the emulator does not show.
 //!
 //! The model counts up, with its auto-reload and compare registers preloaded, in PWM mode 1 (RM0090 19.3, RM0433 40.3
-//! and 41.3). Each edge on the pin is noted with its time. A start of the timer without preloads or in another mode is
+//! and 41.3). Each pulse on the pin is noted with its time. A start of the timer without preloads or in another mode is
 //! reported to the session as a gap of the emulator, and a gap fails the test.
+
+use std::time::Duration;
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::RegisterSpec;
@@ -36,10 +38,16 @@ const MODE_MASK: u64 = 0b111 << 4 | 1 << 3 | 0b11;
 
 const SECOND: u128 = 1_000_000_000;
 
-/// A change of a pin: its time in ns, and the new level.
-pub(crate) type Edge = (u64, bool);
+/// A pulse on the pin of a servo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServoPulse {
+    /// Time at which the pin rose.
+    pub at: Duration,
+    /// Time for which the pin was high.
+    pub high: Duration,
+}
 
-/// The timer of a servo, and the edges on its pin.
+/// The timer of a servo, and the pulses on its pin.
 #[derive(Debug)]
 pub(super) struct ServoTimer<B> {
     /// Name of the timer on the emulator's bus.
@@ -49,8 +57,8 @@ pub(super) struct ServoTimer<B> {
     /// Clock of the timer, Hz.
     pub(super) hz: u64,
     table: &'static [RegisterSpec],
-    /// All edges so far.
-    pub(super) edges: Vec<Edge>,
+    /// All pulses so far that have ended.
+    pub(super) pulses: Vec<ServoPulse>,
     /// True if the pin belongs to channel 2, otherwise to channel 1.
     second_channel: bool,
     /// Prescaler, auto-reload and compare values in use.
@@ -61,8 +69,8 @@ pub(super) struct ServoTimer<B> {
     next: Option<EventId>,
     /// True if the pin falls at the next event; otherwise a period ends.
     falls: bool,
-    /// Level of the pin.
-    high: bool,
+    /// Time in ns at which the pin rose. `None` while the pin is low.
+    rose: Option<u64>,
 }
 
 impl<B> ServoTimer<B> {
@@ -73,13 +81,13 @@ impl<B> ServoTimer<B> {
             bus,
             hz: 0,
             table,
-            edges: Vec::new(),
+            pulses: Vec::new(),
             second_channel: channel == 2,
             used: [0; 3],
             frame: 0,
             next: None,
             falls: false,
-            high: false,
+            rose: None,
         }
     }
 
@@ -112,9 +120,11 @@ impl<B> ServoTimer<B> {
     }
 
     fn drive(&mut self, at: u64, high: bool) {
-        if high != self.high {
-            self.high = high;
-            self.edges.push((at, high));
+        if high {
+            self.rose.get_or_insert(at);
+        } else if let Some(rose) = self.rose.take() {
+            let [at, high] = [rose, at - rose].map(Duration::from_nanos);
+            self.pulses.push(ServoPulse { at, high });
         }
     }
 

@@ -140,7 +140,12 @@ pub(crate) fn watch_samples(bench: &mut Bench) {
 /// Returns the longest time between two samples since the last call of this function or of [`watch_samples`].
 pub(crate) fn worst_sample(bench: &mut Bench) -> Duration {
     let samples = bench.take_hits();
-    samples.windows(2).map(|pair| pair[1].at - pair[0].at).max().expect("samples")
+    samples
+        .windows(2)
+        .map(|pair| pair[1].at.0 - pair[0].at.0)
+        .max()
+        .map(Duration::from_nanos)
+        .expect("samples")
 }
 
 /// Returns the value for the board of the test.

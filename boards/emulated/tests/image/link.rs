@@ -222,7 +222,7 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     bench.press(true);
     bench.run(ms(2500));
     let (mut masked, mut longest, mut begun, mut lines, mut slowest) = (Vec::new(), 0, 0, 0, 0);
-    for Hit { address: at, count, .. } in bench.take_hits() {
+    for Hit { address: at, instruction_count: count, .. } in bench.take_hits() {
         if masks.contains(&at) {
             masked.push(count);
         } else if restores.contains(&at) {

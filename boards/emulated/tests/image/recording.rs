@@ -227,7 +227,7 @@ impl OnChip {
         let watched = CALLS.map(|name| self.bench.address(name));
         let [_, stepped, _, sampled] = watched;
         let (mut counts, mut from) = (Counts::default(), 0);
-        for Hit { address, count, .. } in self.hits(watched.to_vec(), inputs) {
+        for Hit { address, instruction_count: count, .. } in self.hits(watched.to_vec(), inputs) {
             if address == stepped {
                 counts.steps.push(count - from);
             } else if address == sampled {
@@ -255,7 +255,7 @@ impl OnChip {
             self.bench.symbols().iter().filter(motor).map(|s| s.address..s.address + s.size).collect();
         let watched = callers.iter().flat_map(|caller| caller.clone().step_by(2)).chain([entry]);
         let (mut counts, mut from) = (Vec::new(), None);
-        for Hit { address, count, .. } in self.hits(watched.collect(), inputs) {
+        for Hit { address, instruction_count: count, .. } in self.hits(watched.collect(), inputs) {
             if address == entry {
                 from = Some(count);
             } else if callers.iter().any(|caller| caller.contains(&address))

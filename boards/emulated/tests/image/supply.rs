@@ -6,7 +6,7 @@ use crate::common::{
     am60, bits, booted, by_board, counts_in, expect_open_within, four_loads, log, ms, on, set_speeds, setup,
     too_low, turning, with_host,
 };
-use emulated::{Bench, Board, Lines, Setup};
+use emulated::{Bench, Board, ChipFaults, Lines, Setup};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY};
 
 // RM0090 and RM0433, memory maps and register descriptions.
@@ -190,7 +190,7 @@ pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tri
 /// Expects a red lamp and resets while the regulator is not ready, and a hub once it is.
 pub(crate) fn clocks_never_start(setup: Setup) {
     let mut bench = Bench::new(setup);
-    bench.set_power_dead(true);
+    bench.set_chip_faults(ChipFaults { power_dead: true, ..ChipFaults::default() });
     // A core that waits for its clocks is slow to emulate, because each read of a register leaves the emulated core.
     let is_reset = bench.run_while(ms(50), ms(900), |bench| !bench.resets().is_empty());
     assert!(is_reset, "the watchdog has not reset the chip");
@@ -202,7 +202,7 @@ pub(crate) fn clocks_never_start(setup: Setup) {
     let [modes, outputs] = [port_b, port_b + 0x14].map(|at| bench.register(at));
     assert_eq!((modes >> 28 & 3, outputs >> 14 & 1), (1, 1), "the red lamp is driven high");
     assert!(bench.lines(0).open());
-    bench.set_power_dead(false);
+    bench.set_chip_faults(ChipFaults::default());
     bench.run(ms(800));
     assert!(log(&mut bench).contains("motor-hub"), "the clocks start again, and the hub does too");
 }

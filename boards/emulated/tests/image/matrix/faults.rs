@@ -3,7 +3,7 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use emulated::{Bench, Encoder, FaultyCode, FlashFaults, Wire};
+use emulated::{Bench, ChipFaults, Encoder, FaultyCode, FlashFaults, Wire};
 
 use super::run::Run;
 use crate::common::{COUNTER, ms, too_low};
@@ -61,15 +61,19 @@ impl Fault {
                 let encoder = if on { fault } else { Encoder::Sound };
                 (0..4).for_each(|motor| bench.set_encoder(motor, encoder));
             }
-            Self::ConverterDead => bench.set_adc_dead(on),
+            Self::ConverterDead => {
+                bench.set_chip_faults(ChipFaults { converter_dead: on, ..Default::default() })
+            }
             Self::Battery(volts) => bench.set_battery(if on { volts } else { NOMINAL }),
             Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, on)),
-            Self::HostGarbled(per_million) => bench.garble_serial(if on { per_million } else { 0 }, 7),
+            Self::HostGarbled(per_million) => bench.garble_serial(if on { per_million } else { 0 }),
             Self::LogAbandoned => bench.set_log_abandoned(on),
-            Self::BatteryPinOpen => bench.open_battery_pin(on),
+            Self::BatteryPinOpen => {
+                bench.set_chip_faults(ChipFaults { battery_open: on, ..Default::default() })
+            }
             Self::SupplyFalls => bench.set_rail(if on { too_low() } else { 3_300 }),
             Self::ClocksDoNotStart => {
-                bench.set_power_dead(on);
+                bench.set_chip_faults(ChipFaults { power_dead: on, ..Default::default() });
                 if on {
                     bench.pull_reset(bench.now());
                 }
