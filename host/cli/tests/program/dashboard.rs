@@ -1,7 +1,7 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
 use crate::client_update::{KEY, RUNS, image, with_slot};
-use crate::common::{client, err, fails, folder, json as document, motor_hub, store, write};
+use crate::common::{client, err, folder, json as document, store, write};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server};
 use crate::page::{Dashboard, Page};
@@ -11,6 +11,7 @@ use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
 use std::io::{BufRead, Read};
 use std::time::{Duration, Instant};
+use tungstenite::Message;
 
 #[test]
 fn one_page_is_in_control_and_anyone_may_stop() {
@@ -52,7 +53,9 @@ fn a_flood_of_another_page_delays_neither_frames_nor_stop() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             // The server closes the page if it does not read its answers.
-            while begun.elapsed() < Duration::from_secs(4) && viewer.send("\"export\"").is_ok() {
+            while begun.elapsed() < Duration::from_secs(4)
+                && viewer.connection.send(Message::text("\"export\"")).is_ok()
+            {
                 viewer.receive();
             }
         });
@@ -151,7 +154,7 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
     let mut page = Page::ready(&dashboard);
     for case in OUT_OF_RANGE.trim().lines() {
         let (order, says) = case.split_once(" | ").unwrap();
-        page.send(order).unwrap();
+        page.connection.send(Message::text(order)).unwrap();
         let why = page.message("refused")["why"].as_str().unwrap().to_owned();
         assert!(why.contains(says), "{order}: {why}");
     }
@@ -164,7 +167,7 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
     let (mut driver, mut other) = (Page::ready(&dashboard), Page::ready(&dashboard));
     driver.run(0);
     // The server may close the connection during the request.
-    let _ = other.send(&"x".repeat(100_000));
+    let _ = other.connection.send(Message::text("x".repeat(100_000)));
     driver.until("one page", |_, message| message["kind"] == "control" && message["pages"] == 1);
     driver.stay(Duration::from_millis(500));
     assert!(driver.enabled(0));
@@ -246,8 +249,7 @@ fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_ag
     page.order("address", json!({ "new": 9 }));
     page.notice("the hub has address 9 also after a reset; the stored settings of the motors are kept");
     page.run(0);
-    page.order("stop", Value::Null);
-    page.off("stopped");
+    page.stop();
     // The hub writes its address after the answer.
     page.stay(Duration::from_millis(300));
     dashboard.end();
@@ -260,7 +262,7 @@ fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_ag
     page.order("status", Value::Null);
     let status = page.message("status");
     assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
-    page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
+    page.battery();
     page.order("reset", Value::Null);
     page.until("the firmware's settings", |_, message| {
         of_motor_1(message) && message["duty"] != "linear-duty"
@@ -268,8 +270,7 @@ fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_ag
 
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);
-    let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
-    assert_eq!(line["stores"], false);
+    assert_eq!(page.line(true)["stores"], false);
     assert!(page.refused("save", Value::Null).contains("store its settings"));
     page.order("address", json!({ "new": 9 }));
     page.notice("at least until its next reset; it does not report whether it stores addresses");
@@ -324,8 +325,7 @@ fn motors_of_a_hub_that_is_not_shown_stop_with_the_page() {
         });
     };
     page.until("the other hub", |page, message| message["kind"] == "line" && !page.enabled(3));
-    page.order("drive", json!({ "motor": 3, "mode": "power", "value": 0.3 }));
-    page.order("enable", json!({ "motor": 3, "on": true }));
+    page.enable(3);
     runs(&mut page, [&[0], &[3]]);
     assert_eq!(page.refused("hub", json!({ "address": 9 })), "there is no hub 9 on this line");
     drop(page);
@@ -460,7 +460,7 @@ fn a_lost_hub_is_reported_and_found_again() {
     let dashboard = Dashboard::start(&["--tcp", &place]);
     let mut page = Page::ready(&dashboard);
     drop(hub);
-    page.until("a hub that is gone", |_, message| message["kind"] == "line" && message["connected"] == false);
+    page.line(false);
     assert_eq!(page.refused("enable", json!({ "motor": 0, "on": true })), "the hub is not connected");
     // The page has nothing to show meanwhile, so it keeps control.
     page.stay(Duration::from_millis(1500));
@@ -488,19 +488,11 @@ fn a_page_for_other_machines_prints_its_url_as_a_square_code() {
 }
 
 #[test]
-fn the_page_is_for_this_machine_alone_unless_it_is_asked_for_otherwise() {
-    for (address, says) in [("0.0.0.0:0", "give --listen 0.0.0.0:0"), ("nowhere", "give HOST:PORT")] {
-        fails(&motor_hub(&["dashboard", "--http", address]), 2, says);
-    }
-}
-
-#[test]
 fn a_hub_of_another_maker_is_driven_and_values_that_it_does_not_report_are_left_out() {
     let server = Server::start(FakeHub { foreign: true, ..FakeHub::new() });
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::open(&dashboard);
-    let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
-    assert_eq!(line["reports"], false, "the plots of its values stay empty");
+    assert_eq!(page.line(true)["reports"], false, "the plots of its values stay empty");
     let frame = page.message("frame");
     assert_eq!((&frame["battery_v"], &frame["bus"]), (&json!(12.345), &Value::Null));
     let motor = &frame["motors"][0];

@@ -3,15 +3,16 @@
 pub(crate) mod page;
 
 use crate::common::{PATIENCE, folder, wait_for};
+use crate::page::read_text;
 use data_encoding::BASE64;
 use serde_json::{Value, json};
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use tungstenite::{Error, Message, WebSocket, client};
+use tungstenite::{Message, WebSocket, client};
 
 const PROGRAMS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
@@ -117,26 +118,18 @@ impl Browser {
 
     /// An answer; events are kept.
     fn receive(&mut self) -> Option<Value> {
-        match self.socket.read() {
-            Ok(Message::Text(text)) => {
-                // A page receives 50 packets per second, which are not worth their parsing.
-                if text.starts_with(PACKET) {
-                    self.was_starved |= text.contains("showed no new values for 1 s");
-                    return None;
-                }
-                let message: Value = serde_json::from_str(&text).expect("JSON");
-                if message.get("id").is_some() {
-                    return Some(message);
-                }
-                self.events.push(message);
-                None
-            }
-            Ok(_) => None,
-            Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                None
-            }
-            Err(error) => panic!("the browser is gone: {error}"),
+        let text = read_text(&mut self.socket)?;
+        // A page receives 50 packets per second, which are not worth their parsing.
+        if text.starts_with(PACKET) {
+            self.was_starved |= text.contains("showed no new values for 1 s");
+            return None;
         }
+        let message: Value = serde_json::from_str(&text).expect("JSON");
+        if message.get("id").is_some() {
+            return Some(message);
+        }
+        self.events.push(message);
+        None
     }
 
     /// A tab of this size, at an address.

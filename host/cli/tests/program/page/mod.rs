@@ -1,11 +1,14 @@
-//! The program `motor-hub dashboard`, and the socket of a page, for tests.
+//! The program `motor-hub dashboard`, and the socket of its page.
 
-use crate::common::{PATIENCE, PROGRAM};
-use serde_json::{Value, json};
+#[path = "../../../../dashboard/tests/page/mod.rs"]
+mod shared;
+
+use crate::common::PROGRAM;
+use shared::Connection;
 use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
 use std::process::{Child, ChildStdout, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket, client};
 
@@ -47,12 +50,33 @@ impl Drop for Dashboard {
     }
 }
 
-/// The socket of a page, without a browser.
-pub(crate) struct Page {
-    socket: WebSocket<TcpStream>,
-    /// The newest frame.
-    pub(crate) frame: Value,
+/// A WebSocket whose reads end after some milliseconds.
+type Socket = WebSocket<TcpStream>;
+
+/// Returns the next text; `None` if no text has arrived.
+pub(crate) fn read_text(socket: &mut Socket) -> Option<String> {
+    match socket.read() {
+        Ok(Message::Text(text)) => Some(text.to_string()),
+        Ok(_) => None,
+        Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => None,
+        Err(error) => panic!("the other end is gone: {error}"),
+    }
 }
+
+impl Connection for Socket {
+    const MAY_LACK_HUB: bool = true;
+
+    fn send(&mut self, text: &str) -> bool {
+        Self::send(self, Message::text(text)).is_ok()
+    }
+
+    fn receive(&mut self) -> Option<String> {
+        read_text(self)
+    }
+}
+
+/// A page without a browser.
+pub(crate) type Page = shared::Page<Socket>;
 
 impl Page {
     pub(crate) fn open(dashboard: &Dashboard) -> Self {
@@ -63,79 +87,23 @@ impl Page {
         let (socket, _) = client(request, TcpStream::connect(host).unwrap()).unwrap();
         socket.get_ref().set_read_timeout(Some(Duration::from_millis(10))).unwrap();
         socket.get_ref().set_nodelay(true).unwrap();
-        Self { socket, frame: Value::Null }
+        Self::new(socket)
     }
 
     /// A page that is connected to a hub with a good battery.
     pub(crate) fn ready(dashboard: &Dashboard) -> Self {
         let mut page = Self::open(dashboard);
-        page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
+        page.battery();
         page
     }
 
-    pub(crate) fn order(&mut self, order: &str, fields: Value) {
-        self.send(&json!({ order: fields }).to_string()).unwrap();
-    }
-
-    /// Sends any text.
-    pub(crate) fn send(&mut self, text: &str) -> Result<(), Error> {
-        self.socket.send(Message::text(text))
-    }
-
-    /// The next message, if there is one.
-    pub(crate) fn receive(&mut self) -> Option<Value> {
-        match self.socket.read() {
-            Ok(Message::Text(text)) => {
-                let message: Value = serde_json::from_str(&text).unwrap();
-                if message["kind"] == "frame" {
-                    self.frame = message.clone();
-                    self.order("shown", json!({ "number": message["number"] }));
-                }
-                Some(message)
-            }
-            Ok(_) => None,
-            Err(Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => None,
-            Err(error) => panic!("{error}"),
-        }
-    }
-
-    pub(crate) fn until(&mut self, what: &str, mut is: impl FnMut(&Self, &Value) -> bool) -> Value {
-        let end = Instant::now() + PATIENCE;
-        loop {
-            assert!(Instant::now() < end, "never: {what}; {}", self.frame);
-            if let Some(message) = self.receive()
-                && is(self, &message)
-            {
-                return message;
-            }
-        }
-    }
-
-    /// Waits for a message of this kind.
-    pub(crate) fn message(&mut self, kind: &str) -> Value {
-        self.until(kind, |_, message| message["kind"] == kind)
-    }
-
-    /// Waits for a notice with these words.
-    pub(crate) fn notice(&mut self, words: &str) {
-        self.until(words, |_, message| message["text"].as_str().is_some_and(|text| text.contains(words)));
-    }
-
-    /// Receives messages for a time.
-    pub(crate) fn stay(&mut self, time: Duration) {
-        let end = Instant::now() + time;
-        while Instant::now() < end {
-            self.receive();
-        }
-    }
-
-    pub(crate) fn enabled(&self, motor: usize) -> bool {
-        self.frame["motors"][motor]["enabled"] == true
+    /// Waits until the battery is good.
+    pub(crate) fn battery(&mut self) {
+        self.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
     }
 
     pub(crate) fn run(&mut self, motor: usize) {
-        self.order("drive", json!({ "motor": motor, "mode": "power", "value": 0.3 }));
-        self.order("enable", json!({ "motor": motor, "on": true }));
+        self.enable(motor);
         self.until("a motor that runs", |page, _| {
             page.enabled(motor) && page.frame["motors"][motor]["velocity"].as_f64() > Some(100.0)
         });
@@ -148,10 +116,5 @@ impl Page {
             noticed |= message["kind"] == "notice" && message["text"].as_str().unwrap().contains(says);
             noticed && !page.enabled(0) && page.frame["motors"][0]["regime"].is_null()
         });
-    }
-
-    pub(crate) fn refused(&mut self, order: &str, fields: Value) -> String {
-        self.order(order, fields);
-        self.message("refused")["why"].as_str().unwrap().to_owned()
     }
 }
