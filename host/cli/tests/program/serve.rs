@@ -62,12 +62,6 @@ fn a_wire_connects_two_digital_pins() {
     };
     assert_eq!((level(3, [4, 1]), level(1, [4, 1])), (Data(vec![0]), Data(vec![1])));
     assert_eq!((level(1, [4, 0]), level(3, [4, 0])), (Data(vec![0]), Data(vec![1])));
-    for (options, says) in [
-        (&["--wire", "4,8"][..], "a wire is between two digital pins, 0 to 7, such as 4,5"),
-        (&["--wire", "4,4"], "a wire is between two digital pins"),
-    ] {
-        fails(&serve(&[&["--pty"], options].concat()), 2, says);
-    }
 }
 
 #[test]
@@ -135,24 +129,6 @@ fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
     let [start @ .., sum] = answer.as_slice() else { panic!("{answer:02x?}") };
     assert_eq!(start[..6], [0x44, 0x4B, 12, 0, 0, HUB]);
     assert_eq!(*sum, start.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
-}
-
-#[test]
-fn wrong_options_are_refused() {
-    for (arguments, says) in [
-        (&[][..], "--pty"),
-        (&["--pty", "--tcp", "127.0.0.1:0"], "--tcp"),
-        (&["--tcp", "nowhere"], "127.0.0.1:7070"),
-        (&["--tcp", ""], "give HOST:PORT, such as 127.0.0.1:7070"),
-        (&["--pty", "--address", "255"], "1 to 254"),
-        (&["--tcp", "127.0.0.1:0", "--link", "here"], "--link"),
-        (&["--pty", "--for", "-1"], "more than 0"),
-        (&["--pty", "--for", "0"], "more than 0"),
-        (&["--pty", "--scenario", "/no/such/file"], "/no/such/file"),
-        (&["--pty", "--store", "/no/such/file"], "/no/such/file: "),
-    ] {
-        fails(&serve(arguments), 2, says);
-    }
 }
 
 #[test]
