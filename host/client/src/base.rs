@@ -134,6 +134,18 @@ impl OdometryValues {
     }
 }
 
+/// Text that says what measures the heading of a drive base.
+#[must_use]
+pub const fn heading_text(gyro: GyroState) -> &'static str {
+    match gyro {
+        GyroState::Unused => "by the encoders",
+        GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
+        GyroState::Good => "by the gyro",
+        GyroState::Lost => "by the encoders: the gyro is lost",
+        GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",
+    }
+}
+
 impl Session {
     /// Configures the drive base, and waits until the hub has applied the settings. The odometry of the base then
     /// starts at the origin. Both motors must be disabled. Needs this project's firmware.

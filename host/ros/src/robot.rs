@@ -16,6 +16,7 @@
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
 use crate::names::{Publishers, Source};
+use motor_hub_client::base::heading_text;
 use motor_hub_client::motor::{Setpoint, constant_current_ma};
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
@@ -441,17 +442,6 @@ impl Robot {
 
 fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
     reports.get(&joint.address)?.motors.get(usize::from(joint.motor))
-}
-
-/// Returns a text that says what measures the heading of a drive base.
-const fn heading_text(gyro: GyroState) -> &'static str {
-    match gyro {
-        GyroState::Unused => "by the encoders",
-        GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
-        GyroState::Good => "by the gyro",
-        GyroState::Lost => "by the encoders: the gyro is lost",
-        GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",
-    }
 }
 
 /// Returns the share of a motor's current that the battery supplies: the duty while the motor is driven, 0 while the

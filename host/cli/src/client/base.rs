@@ -10,7 +10,7 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
-use motor_hub_client::base::{OdometryValues, Part, most_counts};
+use motor_hub_client::base::{OdometryValues, Part, heading_text, most_counts};
 use std::time::Duration;
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after power-on, and the hub tries to read it
@@ -193,14 +193,10 @@ pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
 
 fn text(report: &OdometryReport) -> String {
     let OdometryValues { x_mm, y_mm, heading_degrees, .. } = OdometryValues::of(report);
-    let gyro = match report.gyro {
-        GyroState::Unused => "by the encoders",
-        GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
-        GyroState::Good => "by the gyro",
-        GyroState::Lost => "by the encoders: the gyro is lost",
-        GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",
-    };
     let losses =
         if report.losses == 0 { String::new() } else { format!(", gyro lost {} times", report.losses) };
-    format!("x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {gyro}{losses}")
+    format!(
+        "x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {}{losses}",
+        heading_text(report.gyro)
+    )
 }

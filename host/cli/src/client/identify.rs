@@ -60,7 +60,7 @@ const LEAST_INERTIA: f64 = 0.7;
 const LARGEST_EMF: f64 = 1.5;
 
 /// Returns why a motor is probably not the configured motor of the catalogue; `None` if it may be this motor.
-pub(super) fn wrong_type(configured: Option<&(Motor, Dynamics)>, found: &Identified) -> Option<String> {
+fn wrong_type(configured: Option<&(Motor, Dynamics)>, found: &Identified) -> Option<String> {
     let (motor, bare) = configured?;
     let inertia = inertia_ratio(bare, &found.dynamics);
     let emf = found.emf.to_millivolt_seconds() * f64::from(bare.gain.to_f32())
@@ -75,15 +75,8 @@ pub(super) fn wrong_type(configured: Option<&(Motor, Dynamics)>, found: &Identif
     Some(format!("probably not a {}: {why}; give the right --type to `setup` or `tune`", motor.name))
 }
 
-/// Prints a warning on standard error.
-pub(super) fn warn_of(why: Option<&str>) {
-    if let Some(why) = why {
-        print_error_line(&format!("warning: {why}"));
-    }
-}
-
 /// Returns why a motor was not identified, and for too little travel how much is needed.
-pub(super) fn reason(outcome: Identification, of: &MotorSettings, battery: Millivolts) -> String {
+fn reason(outcome: Identification, of: &MotorSettings, battery: Millivolts) -> String {
     let words = words(outcome);
     if outcome == Identification::Refused(Refusal::TravelLimit) {
         // A hub does not report its control period, which is 50 ms unless its image was built for another one.
@@ -94,79 +87,107 @@ pub(super) fn reason(outcome: Identification, of: &MotorSettings, battery: Milli
     words
 }
 
+/// An identification that has ended, and its comparison with the catalogue.
+pub(super) struct Ended {
+    /// Result as JSON.
+    pub(super) document: Value,
+    /// Result as a table, beside the motor of the catalogue; empty if the motor was not identified.
+    pub(super) table: String,
+    /// Proposed settings, or why the motor was not identified.
+    pub(super) proposed: Result<MotorSettings, String>,
+    /// Name of the configured motor of the catalogue; `None` for other constants.
+    pub(super) name: Option<&'static str>,
+    /// Inertia of the motor with its load, in inertias of the bare motor of the catalogue.
+    pub(super) inertia_ratio: Option<f64>,
+}
+
+impl Ended {
+    /// Identifies a motor with these settings, and disables the motor. `travel` limits the motion in counts in either
+    /// direction. Prints the progress if `shows_progress` is true. Prints a warning if the motor is probably of another
+    /// type.
+    pub(super) fn run(
+        session: &mut Session,
+        motor: u8,
+        before: &MotorSettings,
+        travel: u32,
+        shows_progress: bool,
+    ) -> Result<Self, Failure> {
+        let battery = session.battery()?;
+        let outcome = identify(session, motor, travel, shows_progress)?;
+        let catalogue = catalogue_motor(&before.motor);
+        let name = catalogue.as_ref().map(|(motor, _)| motor.name);
+        let (mut inertia, mut warning, mut table) = (None, None, String::new());
+        let mut proposed =
+            Err(format!("motor {motor} was not identified: {}", reason(outcome, before, battery)));
+        if let Identification::Found(found) = &outcome {
+            inertia = catalogue.as_ref().map(|(_, bare)| inertia_ratio(bare, &found.dynamics));
+            warning = wrong_type(catalogue.as_ref(), found);
+            let beside = catalogue.as_ref().map(|(motor, bare)| (motor.name, bare));
+            table = format!("{}\n", found_table(&format!("motor {motor}"), found, beside));
+            proposed = Ok(proposal(before, &found.dynamics, battery));
+        }
+        if let Some(why) = &warning {
+            print_error_line(&format!("warning: {why}"));
+        }
+        let more = json!({
+            "motor": motor, "catalogue": name, "inertia_to_bare_motor": inertia, "warning": warning,
+        });
+        let document = with_fields(identify::json(outcome), more);
+        Ok(Self { document, table, proposed, name, inertia_ratio: inertia })
+    }
+}
+
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let session = &mut hub.open(self.motor.hub)?;
         let motor = self.motor.number;
-        let (before, battery) = (session.settings(motor)?, session.battery()?);
-        let outcome = identify(session, motor, self.travel, !self.json)?;
-        let Identification::Found(found) = outcome else {
-            if self.json {
-                let more = json!({ "motor": motor, "applied": false });
-                print_json(&with_fields(identify::json(outcome), more))?;
-            }
-            let why = reason(outcome, &before, battery);
-            return Err(Failure::Work(format!("motor {motor} was not identified: {why}")));
-        };
-        let proposed = proposal(&before, &found.dynamics, battery);
-        if self.apply {
-            session.set_up(motor, &proposed)?;
+        let before = session.settings(motor)?;
+        let ended = Ended::run(session, motor, &before, self.travel, !self.json)?;
+        if let Ok(proposed) = &ended.proposed
+            && self.apply
+        {
+            session.set_up(motor, proposed)?;
         }
-        let catalogue = catalogue_motor(&before.motor);
-        let bare = catalogue.as_ref();
-        let warning = wrong_type(bare, &found);
-        warn_of(warning.as_deref());
-        if !self.json {
-            return print(&self.text(&found, bare, &before, &proposed));
+        if self.json {
+            let proposed = ended.proposed.as_ref().ok();
+            let more = json!({
+                "now": motion_json(&before),
+                "proposed": proposed.map(motion_json),
+                "applied": self.apply && proposed.is_some(),
+            });
+            print_json(&with_fields(ended.document, more))?;
+        } else if let Ok(proposed) = &ended.proposed {
+            print(&self.text(&ended, &before, proposed))?;
         }
-        let more = json!({
-            "motor": motor,
-            "catalogue": bare.map(|(motor, _)| motor.name),
-            "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
-            "warning": warning,
-            "now": motion_json(&before),
-            "proposed": motion_json(&proposed),
-            "applied": self.apply,
-        });
-        print_json(&with_fields(identify::json(outcome), more))
+        ended.proposed.map(drop).map_err(Failure::Work)
     }
 
-    fn text(
-        &self,
-        found: &Identified,
-        bare: Option<&(Motor, Dynamics)>,
-        before: &MotorSettings,
-        after: &MotorSettings,
-    ) -> String {
-        let beside = bare.map(|(motor, dynamics)| (motor.name, dynamics));
-        let learned = found_table(&format!("motor {}", self.motor.number), found, beside);
-        let load = match bare {
-            Some((motor, dynamics)) => format!(
-                "With its load it has {:.2} times the inertia of a bare {}\n",
-                inertia_ratio(dynamics, &found.dynamics),
-                motor.name
-            ),
+    fn text(&self, ended: &Ended, before: &MotorSettings, after: &MotorSettings) -> String {
+        let load = match ended.name.zip(ended.inertia_ratio) {
+            Some((name, ratio)) => {
+                format!("With its load it has {ratio:.2} times the inertia of a bare {name}\n")
+            }
             None => "The catalogue has no motor with the configured constants\n".to_owned(),
         };
         let mut settings = table::new(&["setting", "now", "proposed"], 1);
         for ((name, now), (_, proposed)) in rows(before).into_iter().zip(rows(after)) {
             settings.add_row([name, &now, &proposed]);
         }
-        let residual = f64::from(found.residual) / 10.0;
+        let residual = 100.0 * ended.document["residual"].as_f64().unwrap_or_default();
         let end = if self.apply {
             "Applied: until its reset the hub regulates the motor by this result"
         } else {
             "Not applied; --apply puts the proposed settings in force"
         };
         format!(
-            "{learned}\nResidual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n"
+            "{}Residual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n",
+            ended.table
         )
     }
 }
 
-/// Identifies a motor, and disables the motor. `travel` limits the motion in counts in either direction. Prints the
-/// progress if `shows_progress` is true.
-pub(super) fn identify(
+/// Moves a motor until its identification has ended, and disables the motor.
+fn identify(
     session: &mut Session,
     motor: u8,
     travel: u32,

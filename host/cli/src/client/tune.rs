@@ -1,16 +1,14 @@
 //! Implements the command `motor-hub client tune`.
 
 use super::hub::HubOptions;
-use super::{identify, settings, setup};
+use super::identify::{self, Ended};
+use super::{settings, setup};
 use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::{MotorName, motor, whole};
-use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::braking::Winding;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::Settings;
-use motor_hub::regulator::identify::Identification;
 use serde_json::json;
-use studies::identify::found_table;
 use studies::{table, with_fields};
 
 /// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
@@ -61,69 +59,44 @@ impl Options {
         if let Some(name) = &self.name {
             setup::write_type(session, number, name)?;
         }
-        let (before, battery) = (session.settings(number)?, session.battery()?);
-        let catalogue = catalogue_motor(&before.motor);
+        let before = session.settings(number)?;
         if self.name.is_none()
             && before.motor.winding == Winding::NEVEREST_60
             && before.motor.thermal.is_none()
         {
             print_error_line("note: no --type given, and a hub that was never set up assumes a NeveRest 60");
         }
-        let outcome = identify::identify(session, number, self.travel, !self.json)?;
-        let (mut tuned, mut times, mut saved, mut warning) = (before, None, Ok(false), None);
-        if let Identification::Found(found) = outcome {
-            tuned = proposal(&before, &found.dynamics, battery);
+        let ended = Ended::run(session, number, &before, self.travel, !self.json)?;
+        let (mut tuned, mut saved) = (before, Ok(false));
+        if let Ok(proposed) = &ended.proposed {
+            tuned = *proposed;
             if !self.gentle {
                 tuned.motor.acceleration = None;
             }
             session.set_up(number, &tuned)?;
-            warning = identify::wrong_type(catalogue.as_ref(), &found);
-            times = catalogue.as_ref().map(|(_, bare)| inertia_ratio(bare, &found.dynamics));
             if self.save {
                 saved = settings::saved(session).map(|_| true);
             }
         }
-        let name = catalogue.as_ref().map(|(motor, _)| motor.name);
+        let is_saved = matches!(saved, Ok(true));
         if self.json {
-            let more = json!({
-                "motor": number,
-                "catalogue": name,
-                "inertia_to_bare_motor": times,
-                "motion": identify::motion_json(&tuned),
-                "saved": matches!(saved, Ok(true)),
-                "warning": warning,
-            });
-            print_json(&with_fields(studies::identify::json(outcome), more))?;
+            let more = json!({ "motion": identify::motion_json(&tuned), "saved": is_saved });
+            print_json(&with_fields(ended.document, more))?;
         } else {
-            if let Identification::Found(found) = outcome {
-                let beside = catalogue.as_ref().map(|(motor, bare)| (motor.name, bare));
-                print(&format!("{}\n", found_table(&format!("motor {number}"), &found, beside)))?;
-            }
             let mut table = table::new(&["motor", &number.to_string()], 1);
-            table.add_row(["motor of the catalogue", name.unwrap_or("none with these constants")]);
-            if let Some(times) = times {
+            table.add_row(["motor of the catalogue", ended.name.unwrap_or("none with these constants")]);
+            if let Some(times) = ended.inertia_ratio {
                 table.add_row(["inertia, of that of the bare motor", &format!("{times:.2}")]);
             }
             for (name, value) in identify::rows(&tuned) {
                 table.add_row([name, &value]);
             }
-            let until = match saved {
-                Ok(true) => "stored",
-                _ => "in force until the hub's reset",
-            };
-            table.add_row(["settings", until]);
-            print(&format!("{table}\n"))?;
+            table.add_row(["settings", if is_saved { "stored" } else { "in force until the hub's reset" }]);
+            print(&format!("{}{table}\n", ended.table))?;
         }
-        identify::warn_of(warning.as_deref());
         saved?;
-        match outcome {
-            Identification::Found(_) => Ok(()),
-            _ => Err(Failure::Work(format!(
-                "motor {number} was not identified: {}; {}",
-                identify::reason(outcome, &before, battery),
-                in_force(&before.motor)
-            ))),
-        }
+        let failed = |why| Failure::Work(format!("{why}; {}", in_force(&before.motor)));
+        ended.proposed.map(drop).map_err(failed)
     }
 }
 
