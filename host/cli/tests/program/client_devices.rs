@@ -1,7 +1,7 @@
 //! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
 use crate::client_program::client as fake_client;
-use crate::common::{self, client, driving, err, fails, folder, out, scan, wait_for, write};
+use crate::common::{self, BASE, client, driving, err, fails, folder, out, scan, scenario, wait_for};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::board::{Equipment, SERVOS};
@@ -11,12 +11,10 @@ use std::time::Duration;
 
 /// A served hub with devices.
 fn served(test: &str, attached: &str) -> Hub {
-    let text = format!(
-        "name = \"devices\"\nduration_s = 10\nbattery = {{ emf_v = 12, resistance_ohm = 0.1 }}\n\
-         [attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nscheme = \"A\"\n"
-    );
-    let scenario = write(&folder(test), "attached.toml", text);
-    Hub::served_with(&["--scenario", &scenario])
+    let battery = "battery = { emf_v = 12, resistance_ohm = 0.1 }";
+    let text =
+        format!("{battery}\n[attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\n");
+    Hub::served_with(&["--scenario", &scenario(test, &text)])
 }
 
 fn document(hub: &Hub, arguments: &[&str]) -> Value {
@@ -59,9 +57,6 @@ fn analog_and_digital_inputs_are_shown() {
         [true, true, true, false, true, true, true, true].map(|high| json!(high)).iter().collect::<Vec<_>>()
     );
 }
-
-/// Dimensions of the drive base of a served hub.
-const BASE: [&str; 6] = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
 
 #[test]
 fn a_base_drives_by_its_gyro_and_reports_its_position() {

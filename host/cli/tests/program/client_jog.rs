@@ -70,7 +70,7 @@ fn motors(hub: &Hub) -> Vec<(i64, bool)> {
 #[test]
 fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
     let hub = Hub::served();
-    let mut terminal = Terminal::jog(&hub, &["--speed", "400", "--hold", "0.3"]);
+    let mut terminal = Terminal::jog(&hub, &["--speed-cps", "400", "--hold-s", "0.3"]);
     let begin = Instant::now();
     for _ in 0..10 {
         terminal.keys("\x1b[A");
@@ -98,7 +98,7 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
 fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
     let hub = Hub::served();
     for end in ["-TERM", "-HUP", "Ctrl-C"] {
-        let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold", "5"]);
+        let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold-s", "5"]);
         terminal.keys("k");
         sleep(Duration::from_millis(300));
         if end == "Ctrl-C" {

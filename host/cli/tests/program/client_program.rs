@@ -78,11 +78,11 @@ fn the_set_up_of_a_motor_is_shown_and_changed() {
     assert_eq!((&braking["heat_percent"], &braking["derated"]), (&0.0.into(), &false.into()));
     // The named motor's continuous current is still configured. It can be reset, and so can the bridge's timing.
     assert_eq!(braking["continuous_current_a"], 1.904);
-    let free = set_up(&["--continuous-current", "0", "--bridge", "vnh5019"]);
+    let free = set_up(&["--continuous-current-a", "0", "--bridge", "vnh5019"]);
     assert_eq!((&free["continuous_current_a"], &free["bridge"]), (&Value::Null, &"vnh5019".into()));
-    assert!(err(&client(&server, &["setup", "1", "--continuous-current", "70"])).contains("65.535"));
+    assert!(err(&client(&server, &["setup", "1", "--continuous-current-a", "70"])).contains("65.535"));
     assert_eq!(free["current_limit_a"], Value::Null);
-    let limited = set_up(&["--current-limit", "0.8"]);
+    let limited = set_up(&["--current-limit-a", "0.8"]);
     assert_eq!((&limited["current_limit_a"], &limited["scheme"]), (&0.8.into(), &"B".into()));
     assert!(out(&client(&server, &["setup", "1"])).contains("0.800 A"));
     assert_eq!(set_up(&["--current-limit-a", "0"])["current_limit_a"], Value::Null);
@@ -98,7 +98,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     let show = ["setup", "2", "--json"];
     let set_up = |options: &[&str]| json(&client(&server, &[&show, options].concat()));
     let before = set_up(&[]);
-    let shaft = ["--ke", "0.02", "--counts-per-rev", "12"];
+    let shaft = ["--ke-v-s-per-rad", "0.02", "--counts-per-rev", "12"];
     let after = set_up(&[&shaft[..], &["--resistance-ohm", "2.5", "--inductance-mh", "0.8"]].concat());
     // 2000 pi Ke / counts.
     assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
@@ -115,19 +115,19 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     // A wrong option changes nothing, not even by options before it.
     for (wrong, says) in [
         (
-            &["--ke", "9", "--counts-per-rev", "12"][..],
+            &["--ke-v-s-per-rad", "9", "--counts-per-rev", "12"][..],
             "--ke-v-s-per-rad 9 is out of range; with --counts-per-rev 12 allowed is above 0 and below 0.0611 V s/rad",
         ),
         (
             &["--resistance-ohm", "0", "--on-fault", "brake"],
             "a resistance is a number from 0.001 to 65.535 ohm",
         ),
-        (&["--ke", "0.02"], "--counts-per-rev"),
+        (&["--ke-v-s-per-rad", "0.02"], "--counts-per-rev"),
         (
-            &["--ke", "0.02", "--counts-per-rev", "0"],
+            &["--ke-v-s-per-rad", "0.02", "--counts-per-rev", "0"],
             "an encoder's resolution is a number from 1 to 1000000 counts in a turn",
         ),
-        (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
+        (&["--ke-v-s-per-rad", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
     ] {
         fails(&client(&server, &[&show[..], wrong].concat()), 2, says);
         assert_eq!(set_up(&[]), named, "{wrong:?}");
@@ -143,7 +143,7 @@ fn a_recording_has_the_current_of_hubs_that_measure_it() {
     let to = folder.to_str().unwrap();
     out(&client(
         &server,
-        &["record", "--out", to, "--rate", "100", "--", "power", "1", "0.5", "--for", "0.2"],
+        &["record", "--out", to, "--rate-hz", "100", "--", "power", "1", "0.5", "--for-s", "0.2"],
     ));
     let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
     assert!(
@@ -160,7 +160,7 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
     hub.snapshot.motors.iter_mut().for_each(|motor| motor.velocity = CountsPerSecond::new(-300));
     let server = Server::start(hub);
     let begin = Instant::now();
-    let shown = out(&client(&server, &["velocity", "0,2", "-300", "--for", "0.3", "--float"]));
+    let shown = out(&client(&server, &["velocity", "0,2", "-300", "--for-s", "0.3", "--float"]));
     assert!(begin.elapsed() >= Duration::from_millis(300));
     assert!(shown.contains("motor 0") && shown.contains("motor 2"), "{shown}");
     let hub = server.hub();
@@ -191,7 +191,7 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
 
     server.hub().snapshot.motors[1].settled = false;
     fails(
-        &client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]),
+        &client(&server, &["position", "1", "-2000", "--tolerance-counts", "0", "--for-s", "0.2"]),
         1,
         "target not reached after 0.2 s",
     );
@@ -212,7 +212,7 @@ fn the_reason_of_a_refusal_is_shown() {
     hub.snapshot.battery = Some(Millivolts::new(6_000));
     hub.snapshot.draw_stage = DrawStage::Derated;
     let server = Server::start(hub);
-    let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
+    let output = client(&server, &["power", "0", "0.5", "--for-s", "5"]);
     fails(&output, 1, "enable motor 0: battery unknown, below 7 V, or not at 7.5 V again (NACK 52)");
     fails(&output, 1, &server.address);
 }
@@ -220,7 +220,7 @@ fn the_reason_of_a_refusal_is_shown() {
 /// Starts a command that drives motor 0, makes the hub ignore all requests, and signals the command to end.
 fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     let server = Server::start(Hub::new());
-    let arguments = ["--address", "3", "--timeout", timeout, "power", "0", "0.5"];
+    let arguments = ["--address", "3", "--timeout-ms", timeout, "power", "0", "0.5"];
     let process = start_client(&server.address, &arguments);
     wait_for("an enabled motor", || server.hub().was_enabled[0].then_some(()));
     std::thread::sleep(Duration::from_millis(200));
@@ -272,7 +272,7 @@ fn watching_gives_a_document_per_interval() {
     let mut hub = Hub::new();
     hub.snapshot.motors[1].velocity = CountsPerSecond::new(840);
     let server = Server::start(hub);
-    let watch = ["watch", "--interval", "50", "--for", "0.2", "--type", "NeveRest 60"];
+    let watch = ["watch", "--interval-ms", "50", "--for-s", "0.2", "--type", "NeveRest 60"];
     let shown = out(&client(&server, &watch));
     let lines: Vec<Value> = shown.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!((2..=4).contains(&lines.len()), "{shown}");
@@ -292,7 +292,7 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
         (&["discover"], "no hub answers"),
     ] {
         let begin = Instant::now();
-        let output = program(&[&["--tcp", &server.address, "--timeout", "150"], arguments].concat());
+        let output = program(&[&["--tcp", &server.address, "--timeout-ms", "150"], arguments].concat());
         fails(&output, 1, says);
         fails(&output, 1, &server.address);
         assert!(begin.elapsed() < Duration::from_secs(2), "{arguments:?}");

@@ -1,8 +1,8 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 
 use crate::common::{
-    PROGRAM, client, driving, err, fails, folder, json, made_folder, out, printed, scan, signal,
-    start_client, store, wait_for, words, write,
+    BASE, PROGRAM, client, driving, err, fails, folder, json, made_folder, out, printed, scan, scenario,
+    signal, start_client, store, wait_for, words, write,
 };
 use crate::conformance::{Hub, packet};
 use crate::hub_support::{Hub as FakeHub, Server};
@@ -58,7 +58,7 @@ fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when
 #[test]
 fn an_identification_that_fails_names_the_reason_and_disables_the_motor() {
     let hub = Hub::served();
-    let refused = client(&hub, &["identify", "1", "--travel", "3"]);
+    let refused = client(&hub, &["identify", "1", "--travel-counts", "3"]);
     fails(&refused, 1, "motor 1 was not identified");
     fails(&refused, 1, "travel");
     let says = printed(&refused);
@@ -107,11 +107,11 @@ fn questions_disable_the_motor_of_a_killed_host() {
     let hub = Hub::served();
     for question in [
         &["status", "--json"][..],
-        &["watch", "--for", "0.1"],
+        &["watch", "--for-s", "0.1"],
         &["discover"],
         &["odometry"],
         &["coefficients", "0", "velocity"],
-        &["velocity", "1", "100", "--for", "0.1"],
+        &["velocity", "1", "100", "--for-s", "0.1"],
     ] {
         let mut process = driving(&hub, &["velocity", "0", "500"]);
         signal(process.id(), "-KILL");
@@ -125,16 +125,16 @@ fn questions_disable_the_motor_of_a_killed_host() {
 #[test]
 fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let hub = Hub::served();
-    let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]);
+    let asked = client(&hub, &["velocity", "0", "30000", "--for-s", "0.6"]);
     for says in ["free speed", "30000 counts/s not reached after 0.6 s: motor 0 at", "\ndisabled motor 0\n"] {
         fails(&asked, 1, says);
     }
     assert!(err(&asked).starts_with("warning: motor 0: 30000 counts/s requested"), "{}", err(&asked));
     let folder = folder("not-reached");
-    let recorded = record(&hub, &folder, &["velocity", "0,2", "30000", "--for", "0.3"]);
+    let recorded = record(&hub, &folder, &["velocity", "0,2", "30000", "--for-s", "0.3"]);
     fails(&recorded, 1, "\ndisabled motors 0, 2\n");
     assert!(!rows(&folder).is_empty() && folder.join("motor-2.svg").exists());
-    let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
+    let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for-s", "1.5"];
     let reached = client(&hub, &rpm);
     assert!(out(&reached).contains(" rpm, 2."), "{}", out(&reached));
     assert_eq!(err(&reached), "");
@@ -147,34 +147,32 @@ fn motors_move_in_step_to_their_targets() {
         let motors = status(hub)["motors"].clone();
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
     };
-    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]));
+    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed-cps", "1600"]));
     assert!(shown.ends_with("all motors settled\n"), "{shown}");
     let [first, second] = positions(&hub);
     // Disabled motors may roll on.
     assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
-    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]));
+    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed-cps", "1600"]));
     let [first, second] = positions(&hub);
     assert!(first.abs() < 100 && second.abs() < 100, "{first} {second}");
-    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]));
-    let late = client(&hub, &["together", "0=90000", "--for", "0.3"]);
+    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for-s", "0.5"]));
+    let late = client(&hub, &["together", "0=90000", "--for-s", "0.3"]);
     fails(&late, 1, "disabled motor 0\n");
     assert!(err(&late).contains("targets not reached after 0.3 s"), "{}", err(&late));
 }
 
 /// A served hub whose motor 1 is jammed by friction as large as its stall torque.
 fn hub_with_a_jammed_motor(test: &str) -> Hub {
-    let text = "name = \"jammed\"\nduration_s = 1\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n\
-        [[motors]]\nlabel = \"good\"\nmotor = \"NeveRest 60\"\n\
+    let text = "[[motors]]\nlabel = \"good\"\nmotor = \"NeveRest 60\"\n\
         [[motors]]\nlabel = \"jammed\"\nmotor = \"NeveRest 60\"\nfriction.coulomb_percent = 100\n";
-    Hub::served_with(&["--scenario", &write(&folder(test), "jammed.toml", text)])
+    Hub::served_with(&["--scenario", &scenario(test, text)])
 }
 
 #[test]
 fn a_group_that_loses_any_of_its_motors_fails_and_names_the_motor_and_its_fault() {
     let hub = hub_with_a_jammed_motor("lost-member");
-    let base = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
-    let driven = [&["drive", "straight=1000", "straight=-1000"][..], &base].concat();
+    let driven = [&["drive", "straight=1000", "straight=-1000"][..], &BASE].concat();
     for arguments in [
         &["together", "0=1000", "1=1000"][..],
         &["together", "0=1000", "1=1000", "--coast"],
@@ -191,7 +189,7 @@ fn a_group_that_loses_any_of_its_motors_fails_and_names_the_motor_and_its_fault(
         assert_eq!(shown.matches("0.0 s").count(), 1, "{shown}");
     }
     fails(
-        &client(&hub, &[&["drive", "turn=1000", "--for-s", "0.2"], &base[..]].concat()),
+        &client(&hub, &[&["drive", "turn=1000", "--for-s", "0.2"], &BASE[..]].concat()),
         1,
         "turn=1000 not finished after 0.2 s",
     );
@@ -373,7 +371,7 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
 
 /// Records a drive to a folder.
 fn record(hub: &Hub, folder: &Path, drive: &[&str]) -> Output {
-    client(hub, &[&["record", "--out", folder.to_str().unwrap(), "--"], drive].concat())
+    client(hub, &[&["record", "--out", folder.to_str().unwrap()], drive].concat())
 }
 
 /// The rows of a recording, by heading.
@@ -394,7 +392,7 @@ fn rows(folder: &Path) -> Vec<HashMap<String, String>> {
 fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
     let hub = Hub::served();
     let folder = folder("record");
-    let shown = out(&record(&hub, &folder, &["velocity", "all", "400", "--for", "2"]));
+    let shown = out(&record(&hub, &folder, &["velocity", "all", "400", "--for-s", "2"]));
     let rows = rows(&folder);
     assert!(rows.len() > 4 * 90, "{} rows: {shown}", rows.len());
     let last = &rows[rows.len() - 4];
@@ -418,18 +416,17 @@ fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
 fn a_speed_is_judged_by_its_last_half_second_at_any_rate_of_a_recording() {
     let hub = Hub::served();
     let folder = folder("record-slow");
-    let record = ["record", "--out", folder.to_str().unwrap(), "--rate-hz", "1", "--"];
-    let drive = ["velocity", "0", "400", "--for-s", "1.9"];
-    let shown = out(&client(&hub, &[&record[..], &drive].concat()));
+    let drive = ["--rate-hz", "1", "--", "velocity", "0", "400", "--for-s", "1.9"];
+    let shown = out(&record(&hub, &folder, &drive));
     assert!(shown.contains(" readings, ") && shown.ends_with(" and 1 chart\n"), "{shown}");
     assert_eq!(rows(&folder).len(), 2);
 }
 
 #[test]
 fn a_battery_voltage_that_the_hub_does_not_know_is_unknown() {
-    let text = "name = \"low\"\nduration_s = 30\nbattery = { emf_v = 1, resistance_ohm = 0 }\n\
-                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
-    let hub = Hub::served_with(&["--scenario", &write(&folder("no-battery"), "low.toml", text)]);
+    let text =
+        "battery = { emf_v = 1, resistance_ohm = 0 }\n[[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
+    let hub = Hub::served_with(&["--scenario", &scenario("no-battery", text)]);
     let document = status(&hub);
     assert_eq!(document["battery_v"], Value::Null);
     // Three channels have no motor.
@@ -504,9 +501,8 @@ fn tune_configures_identifies_and_stores_a_motor() {
 
 #[test]
 fn tune_warns_of_a_wrong_type_and_says_what_a_hub_assumes_without_a_type() {
-    let text = "name = \"a\"\nduration_s = 10\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n[[motors]]\n\
-                label = \"a\"\nmotor = \"NeveRest 60\"\nconfigured = \"nothing\"\n";
-    let hub = Hub::served_with(&["--scenario", &write(&folder("tune-type"), "a.toml", text)]);
+    let text = "[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nconfigured = \"nothing\"\n";
+    let hub = Hub::served_with(&["--scenario", &scenario("tune-type", text)]);
     let tuned = client(&hub, &["tune", "0", "--gentle"]);
     assert_eq!(err(&tuned), "note: no --type given, and a hub that was never set up assumes a NeveRest 60\n");
     // The back EMF found is shown beside that of the catalogue, with its standard error.

@@ -8,13 +8,13 @@ use std::process::Command;
 /// Command lines, and words of the message with which each is refused. `''` is an empty argument.
 const REFUSED: &str = r#"
 run --period-ms 0 | a control period is a whole number from 1 to 100 ms
-run --period 101 | 1 to 100 ms
+run --period-ms 101 | 1 to 100 ms
 run --time-s -1 | a duration is a number from 0.001 to 300 s
 run --time-s 0.0001 | from 0.001
 run --seed -1 | a seed is a whole number from 0 to 4294967295
 run --blend 0.5 | give --scheme D
-run --time 0 | from 0.001
-run --time nan | from 0.001
+run --time-s 0 | from 0.001
+run --time-s nan | from 0.001
 run --scheme E | none, A, B, C, D
 run --scheme B --blend 0.5 | scheme D only
 run --scheme D --blend 2 | 0 (scheme B) to 1 (scheme C)
@@ -42,8 +42,8 @@ serve --tcp nowhere | 127.0.0.1:7070
 serve --tcp '' | give HOST:PORT, such as 127.0.0.1:7070
 serve --pty --address 255 | 1 to 254
 serve --tcp 127.0.0.1:0 --link here | --link
-serve --pty --for -1 | more than 0
-serve --pty --for 0 | more than 0
+serve --pty --for-s -1 | more than 0
+serve --pty --for-s 0 | more than 0
 serve --pty --scenario /no/such/file | /no/such/file
 serve --pty --store /no/such/file | /no/such/file:
 serve --pty --wire 4,8 | a wire is between two digital pins, 0 to 7, such as 4,5
@@ -54,7 +54,7 @@ client --port '' status | a value is required for '--port
 client --tcp 127.0.0.1 status | 127.0.0.1:7070
 client --address 0 status | 1 to 254
 client --address 255 status | 1 to 254
-client --timeout 0 status | a timeout is a whole number from 10 to 60000 ms
+client --timeout-ms 0 status | a timeout is a whole number from 10 to 60000 ms
 client --address 4 power 3:0 0 | --address 4 and a motor of the hub at address 3 exclude
 client power 0 1.01 | -1 to 1
 client power 0 nan | -1 to 1
@@ -69,8 +69,8 @@ client velocity 0 1.5 | whole number
 client velocity 0 30rpm | a turn of the output shaft, which a hub does not know
 client velocity 0 30rpm | give --counts-per-turn COUNTS or --type NAME
 client velocity 0 30rpm --type AM61 | NeveRest 60
-client velocity 0 1 --for 0 | more than 0
-client velocity 0 1 --for -1 | more than 0
+client velocity 0 1 --for-s 0 | more than 0
+client velocity 0 1 --for-s -1 | more than 0
 client position 0 1 --speed -500 | 1 to 32767
 client position 0 1 --speed 0 | 1 to 32767
 client position 0 2147483648 | 2147483648
@@ -83,22 +83,22 @@ client coefficients 0 current | velocity, position
 client coefficients 0 position --f 1 | a position has no feed-forward
 client led 1 2 256 | 256
 client identify 4 | 0 to 3
-client identify 0 --travel -1 | -1
+client identify 0 --travel-counts -1 | -1
 client together | MOTOR=COUNTS
 client together 0 | such as 0=1000
 client together 4=0 | 0 to 3
 client together 0=x | whole number
 client together 0=1 0=2 | motor 0 is given twice
 client together 3:0=1 4:1=2 | and so is a group
-client together 0=1 --acceleration 0 | 1 to 4294967295
-client together 0=1 --speed 0 | from 1 to 1000000 counts/s
+client together 0=1 --acceleration-cps2 0 | 1 to 4294967295
+client together 0=1 --speed-cps 0 | from 1 to 1000000 counts/s
 client together 0=1 --on --by | --by
 client setup 0 --type AM61 | NeveRest 60
 client setup 0 --blend 0.5 | give --scheme D
 client setup 0 --current-limit-a 0.0001 | '--current-limit-a <A>': allowed is 0.001 to 65.535 A, or 0 for none
 client setup 0 --inductance-mh nan | 0.001 to 65.535 mH
 client set-address 255 | 1 to 254
-client watch --interval 3000 | 10 to 2000 ms
+client watch --interval-ms 3000 | 10 to 2000 ms
 client drive turn=1 --track-mm 300 | --wheel-diameter-mm
 client drive left=3 --wheel-diameter-mm 90 --track-mm 300 --counts-per-turn 9,9 | a part is straight=MM or turn=DEGREES
 client drive turn=3 --wheel-diameter-mm 90 --track-mm 300 --counts-per-turn 9,9 --wheels 1,1 | two different motors
@@ -138,7 +138,7 @@ fn a_run_writes_what_it_names_and_the_seed_decides_everything() {
         .zip(seeds)
         .map(|(out, seed)| {
             let out = out.to_str().unwrap();
-            json(&motor_hub(&["run", "--time", "1", "--seed", seed, "--json", "--out", out]))
+            json(&motor_hub(&["run", "--time-s", "1", "--seed", seed, "--json", "--out", out]))
         })
         .collect();
     assert_eq!(documents[0]["motors"].as_array().unwrap().len(), 4);
@@ -213,7 +213,7 @@ fn a_run_lists_its_expectations_and_fails_if_one_is_not_met() {
 fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
     let folder = folder("motor");
     let folder = folder.to_str().unwrap();
-    let arguments = ["--motor", "matrix b", "--scheme", "D", "--time", "2", "--out", folder];
+    let arguments = ["--motor", "matrix b", "--scheme", "D", "--time-s", "2", "--out", folder];
     let tables = out(&motor_hub(&arguments));
     assert!(tables.starts_with("flywheel brought to ") && !tables.contains("inf s"), "{tables}");
     assert!(tables.contains("flywheel: Matrix 12 V-B") && tables.contains("scheme D, automatic"), "{tables}");
@@ -309,7 +309,7 @@ fn an_operating_point_may_be_of_a_motor_that_the_catalogue_lacks() {
     let points = |motor: &[&str]| json(&motor_hub(&[&at[..], motor].concat()));
     let named = points(&["--motor", "NeveRest 60"]);
     assert_eq!((&named["motor"], &named), (&"NeveRest 60".into(), &points(&["--motor", "am 60 a"])));
-    let ke = ["--ke", "0.017766666666666667", "--counts-per-rev", "28"];
+    let ke = ["--ke-v-s-per-rad", "0.017766666666666667", "--counts-per-rev", "28"];
     let given = points(&[&ke[..], &["--resistance-ohm", "3.3", "--inductance-mh", "0.694"]].concat());
     assert_eq!(named["points"], given["points"]);
     fails(&motor_hub(&at), 2, "--resistance-ohm");

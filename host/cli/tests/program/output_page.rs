@@ -89,23 +89,26 @@ fn the_client_prints_the_documented_fields() {
     let client = |arguments: &[&str]| {
         json(&[&["client", "--tcp", &served.place][..], arguments, &["--json"]].concat())
     };
-    assert_agree("client status", &[client(&["status"])]);
-    assert_agree("client setup", &[client(&["setup", "0", "--scheme", "D", "--continuous-current-a", "1"])]);
-    assert_agree("client settings show", &[client(&["settings", "show"])]);
-    assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
-    assert_agree("client identify", &[client(&["identify", "0"])]);
-    assert_agree("client tune", &[client(&["tune", "1"])]);
-    assert_agree("client discover", &[client(&["discover"])]);
-    assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
-    assert_agree("client servo", &[client(&["servo"])]);
-    assert_agree("client analog", &[client(&["analog"])]);
-    assert_agree("client digital", &[client(&["digital"])]);
-    assert_agree("client i2c scan", &[client(&["i2c", "scan"])]);
-    assert_agree("client i2c read", &[client(&["i2c", "read", "1", "0x50"])]);
-    let base = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
-    common::client(&served, &[&["drive", "turn=1"], &base[..]].concat());
-    assert_agree("client odometry", &[client(&["odometry"])]);
-    assert_agree("client ports", &[client(&["ports"])]);
+    common::client(&served, &[&["drive", "turn=1"], &common::BASE[..]].concat());
+    for (section, arguments) in [
+        ("status", &["status"][..]),
+        ("setup", &["setup", "0", "--scheme", "D", "--continuous-current-a", "1"]),
+        ("settings show", &["settings", "show"]),
+        ("coefficients", &["coefficients", "0", "velocity"]),
+        ("identify", &["identify", "0"]),
+        ("tune", &["tune", "1"]),
+        ("discover", &["discover"]),
+        ("scan", &["scan", "--only", "/no/such/port"]),
+        ("servo", &["servo"]),
+        ("analog", &["analog"]),
+        ("digital", &["digital"]),
+        ("i2c scan", &["i2c", "scan"]),
+        ("i2c read", &["i2c", "read", "1", "0x50"]),
+        ("odometry", &["odometry"]),
+        ("ports", &["ports"]),
+    ] {
+        assert_agree(&format!("client {section}"), &[client(arguments)]);
+    }
     let watch = ["client", "--tcp", &served.place, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
     let lines = motor_hub(&watch).stdout;
     let line = lines.split(|byte| *byte == b'\n').next().unwrap();

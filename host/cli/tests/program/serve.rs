@@ -70,7 +70,7 @@ fn a_link_names_the_port_until_the_program_ends() {
     let link = made_folder("serve-link").join("link");
     let path = link.to_str().unwrap();
     let refused = |says: &str| {
-        let output = serve(&["--pty", "--for", "1", "--link", path]);
+        let output = serve(&["--pty", "--for-s", "1", "--link", path]);
         fails(&output, 2, path);
         fails(&output, 2, says);
     };

@@ -97,6 +97,18 @@ pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> Str
     file.display().to_string()
 }
 
+/// Writes a scenario with a good battery, and with this text, to a folder for one test. Returns the path of the file.
+pub(crate) fn scenario(test: &str, text: &str) -> String {
+    let battery =
+        if text.contains("battery") { "" } else { "battery = { emf_v = 12.6, resistance_ohm = 0.05 }" };
+    let text = format!("name = \"{test}\"\nduration_s = 30\n{battery}\n{text}");
+    write(&folder(test), "scenario.toml", text)
+}
+
+/// Options of `drive` for the base of tests.
+pub(crate) const BASE: [&str; 6] =
+    ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
+
 /// Waits for other tests that call this function. Times that are measured in real time must not include the work of another
 /// browser or of an emulated chip.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
