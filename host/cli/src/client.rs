@@ -193,7 +193,7 @@ impl Command {
                     )));
                 }
                 session.set_address(new)?;
-                let until = settings::why_address_is_lost(session)?;
+                let until = session.why_address_is_lost()?;
                 let until = until.map_or_else(String::new, |why| format!(" {why}"));
                 format!("the hub's address is {}{until}", new.get())
             }

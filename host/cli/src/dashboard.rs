@@ -97,7 +97,7 @@ impl Options {
         }
         // The destructor removes the file when the program ends.
         let _handover = self.open.then(|| open(&url));
-        server.run(place.at(self.address), &stop);
+        server.run(Place { address: self.address, ..place }, &stop);
         // The simulated hub ends with the server. If the hub has ended earlier by an error, the error is reported here.
         stop.store(true, Ordering::Relaxed);
         match simulation.map(JoinHandle::join) {
@@ -128,7 +128,7 @@ fn code(url: &str) -> String {
 
 fn real(name: &str) -> Place {
     let (place, mut printed) = (name.to_owned(), None);
-    Place::real(name, move |address| match dashboard::hub::open(&place, address) {
+    Place::new(name, move |address| match dashboard::hub::open(&place, address) {
         Ok(session) => {
             printed = None;
             Ok(session)
@@ -177,7 +177,7 @@ fn simulate(
         )
     });
     let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    Ok((Place::simulated(&name, world, script, open), simulation))
+    Ok((Place { world: Some(world), script, ..Place::new(&name, open) }, simulation))
 }
 
 /// An HTML file that redirects a browser to the page. Only this user can read the file. The URL has a token and must

@@ -15,6 +15,7 @@
 
 use crate::clock::Instant;
 use crate::error::none_if_unsupported;
+use crate::reasons::stored_text;
 use crate::{Error, Session};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -28,6 +29,7 @@ use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
+use motor_hub::store::Stored;
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::time::Duration;
 
@@ -205,6 +207,23 @@ impl Session {
             }
             Ok(()) => Ok(()),
         }
+    }
+
+    /// Text that says why the next reset may end the address that [`set_address`](Self::set_address) has given. `None` if
+    /// the hub stores the address.
+    pub fn why_address_is_lost(&mut self) -> Result<Option<String>, Error> {
+        Ok(match self.stored() {
+            Ok(report) => matches!(report.stored, Stored::Later | Stored::Damaged)
+                .then(|| format!("until the next reset: the memory has {}", stored_text(&report))),
+            Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => {
+                Some("until the next reset: the hub stores no settings".to_owned())
+            }
+            // A hub of another maker, or older firmware.
+            answer => none_if_unsupported(answer)?.is_none().then(|| {
+                "at least until the next reset: the hub does not report whether it stores its address"
+                    .to_owned()
+            }),
+        })
     }
 
     /// True if a hub answers at `former`, the address before [`set_address`](Self::set_address).

@@ -11,7 +11,6 @@ pub struct Asset {
 
 impl Asset {
     /// Media type, by the end of the path.
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self.path.rsplit_once('.') {
             Some((_, "css")) => "text/css; charset=utf-8",
@@ -40,7 +39,6 @@ pub const ALL: &[Asset] = assets! {
 };
 
 /// The file with this path of the URL.
-#[must_use]
 pub fn find(path: &str) -> Option<&'static Asset> {
     ALL.iter().find(|asset| asset.path == path)
 }

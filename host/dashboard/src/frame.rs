@@ -239,7 +239,6 @@ pub(crate) struct MotorState {
 
 impl Message {
     /// The message as JSON.
-    #[must_use]
     pub(crate) fn text(&self) -> Arc<str> {
         // Serializing plain data cannot fail.
         serde_json::to_string(self).unwrap_or_default().into()
@@ -268,7 +267,6 @@ impl Frame {
     }
 
     /// Converts a hub's report to a frame.
-    #[must_use]
     pub(crate) fn of(report: &HubReport) -> Self {
         let motors = report.motors.iter().enumerate();
         Self {

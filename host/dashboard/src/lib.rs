@@ -39,7 +39,7 @@
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
 //! let open = |address| hub::open("/dev/ttyACM0", address).map_err(|error| error.to_string());
-//! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
+//! server.run(Place::new("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
 #![forbid(unsafe_code)]

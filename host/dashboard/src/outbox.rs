@@ -26,7 +26,6 @@ pub struct Texts {
 }
 
 /// Creates the queue of a new page, and returns both ends.
-#[must_use]
 pub fn outbox() -> (Outbox, Texts) {
     let (sender, receiver) = channel();
     let waiting = Arc::<AtomicUsize>::default();

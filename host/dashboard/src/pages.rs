@@ -52,7 +52,6 @@ struct Page {
 
 impl Pages {
     /// Creates the state without any page.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -105,19 +104,16 @@ impl Pages {
     }
 
     /// Number of the page that asks for control; `None` if no page asks.
-    #[must_use]
     pub const fn asks(&self) -> Option<u32> {
         self.asks
     }
 
     /// Number of the page in control; `None` if no page is in control.
-    #[must_use]
     pub const fn controller(&self) -> Option<u32> {
         self.controller
     }
 
     /// Number of pages.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.pages.len()
     }

@@ -4,49 +4,27 @@ use crate::hub::Opened;
 use crate::scenario_player::Script;
 use crate::world::World;
 use motor_hub::protocol::Address;
-use std::fmt;
 
-type Opener = Box<dyn FnMut(Option<Address>) -> Result<Opened, String> + Send>;
-
-/// A hub or a chain of hubs, and how to open a session. The function that opens a session gets the address of the hub;
-/// `None` for the parent on the line.
+/// A hub or a chain of hubs, and how to open a session.
 pub struct Place {
-    pub(crate) name: String,
-    pub(crate) world: Option<World>,
-    pub(crate) script: Option<Script>,
+    /// Name of the port or address.
+    pub name: String,
+    /// World of a simulated hub, which pages may change; `None` for a real hub.
+    pub world: Option<World>,
+    /// Scenario of a simulated hub, which pages may play.
+    pub script: Option<Script>,
     /// Address of the hub on its line; `None` for the parent.
-    pub(crate) address: Option<Address>,
-    pub(crate) open: Opener,
+    pub address: Option<Address>,
+    /// Opens a session with the hub at an address; `None` for the parent on the line.
+    pub open: Box<dyn FnMut(Option<Address>) -> Result<Opened, String> + Send>,
 }
 
 impl Place {
-    /// A hub on a serial port or TCP connection.
-    pub fn real(
+    /// The parent on a real line.
+    pub fn new(
         name: &str,
         open: impl FnMut(Option<Address>) -> Result<Opened, String> + Send + 'static,
     ) -> Self {
         Self { name: name.to_owned(), world: None, script: None, address: None, open: Box::new(open) }
-    }
-
-    /// A simulated hub. Pages may change its world and play its scenario.
-    pub fn simulated(
-        name: &str,
-        world: World,
-        script: Option<Script>,
-        open: impl FnMut(Option<Address>) -> Result<Opened, String> + Send + 'static,
-    ) -> Self {
-        Self { name: name.to_owned(), world: Some(world), script, address: None, open: Box::new(open) }
-    }
-
-    /// The hub with this address on the line; `None` for the parent.
-    #[must_use]
-    pub fn at(self, address: Option<Address>) -> Self {
-        Self { address, ..self }
-    }
-}
-
-impl fmt::Debug for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Place").field("name", &self.name).finish_non_exhaustive()
     }
 }

@@ -13,7 +13,6 @@ use simulated::hardware::{BRIDGE, mechanics, winding};
 const SHARE: f64 = 0.5;
 
 /// Returns the present settings with these dynamics and the acceleration limit that is proposed for them.
-#[must_use]
 pub fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts) -> MotorSettings {
     let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
     let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
@@ -24,7 +23,6 @@ pub fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts
 
 /// Finds the catalogue motor with the configured winding, and its dynamics without a load. `None` if the catalogue has
 /// no such motor.
-#[must_use]
 pub fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
     let (motor, winding) = motors().find_map(|motor| {
         let winding = winding(&motor).ok()?;
@@ -35,7 +33,6 @@ pub fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
 }
 
 /// Inertia with load, divided by the inertia of the bare motor: the inverse ratio of their accelerations per volt.
-#[must_use]
 pub fn inertia_ratio(bare: &Dynamics, found: &Dynamics) -> f64 {
     f64::from(bare.gain.to_f32()) / f64::from(found.gain.to_f32())
 }

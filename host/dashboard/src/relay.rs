@@ -18,10 +18,9 @@ use crate::update::{self, bytes_of};
 use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
-use motor_hub::store::Stored;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::hub::StoreAccess;
-use motor_hub_client::reasons::{stored_text, why_unsaved};
+use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::update::{LARGEST_IMAGE, Updating};
 use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
@@ -52,7 +51,6 @@ pub enum Event {
 }
 
 /// Owns the session with the hub, executes orders, and sends messages to all pages.
-#[derive(Debug)]
 pub struct Relay {
     place: Place,
     senders: BTreeMap<u32, Outbox>,
@@ -81,7 +79,6 @@ pub struct Relay {
 
 impl Relay {
     /// Creates the relay of the hub at `place`. The relay has no pages yet.
-    #[must_use]
     pub fn new(place: Place) -> Self {
         let now = Instant::now();
         let line = gone("not connected yet".to_owned());
@@ -341,21 +338,11 @@ impl Relay {
         }
         session.set_address(address)?;
         self.chain.rename(address.get());
-        let report = session.stored_if_reported()?;
-        let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
-        let kept = match (lost, report) {
-            (Some(report), _) => {
-                format!("until the hub's next reset, because its memory has {}", stored_text(&report))
-            }
-            (None, Some(_)) => "also after a reset; the stored settings of the motors are kept".to_owned(),
-            (None, None) => {
-                "at least until its next reset; it does not report whether it stores addresses".to_owned()
-            }
-        };
+        let kept = session.why_address_is_lost()?;
+        let kept = kept
+            .unwrap_or_else(|| "also after a reset; the stored settings of the motors are kept".to_owned());
         // The next session begins at the new address, unless it is for the parent.
-        if lost.is_none() && self.place.address.is_some() {
-            self.place.address = Some(address);
-        }
+        self.place.address = self.place.address.and(Some(address));
         self.send_notice(format!("the hub has address {new} {kept}"), false);
         Ok(())
     }

@@ -36,7 +36,6 @@ pub(crate) struct Playing {
 
 impl Script {
     /// The script of a scenario; `None` if the scenario has no set-points, or moves motors in step.
-    #[must_use]
     pub fn of(scenario: &Scenario) -> Option<Self> {
         let step = |Timed { at_s, value }: Timed<Command>| {
             let Command::Set { motor, setpoint } = value else { return None };

@@ -70,19 +70,16 @@ impl Server {
     }
 
     /// Admits requests for this URL too, by which browsers reach the server.
-    #[must_use]
     pub fn reached_as(self, public: PublicUrl) -> Self {
         Self { admission: self.admission.reached_as(public), ..self }
     }
 
     /// Address at which the server listens.
-    #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// URL of the page, with the token.
-    #[must_use]
     pub fn url(&self) -> String {
         let root = self
             .admission

@@ -66,7 +66,6 @@ const ENCODERS: [(&str, Encoder); 4] = [
 
 impl World {
     /// The changes in force.
-    #[must_use]
     pub fn interventions(&self) -> Interventions {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

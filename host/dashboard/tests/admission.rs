@@ -17,7 +17,7 @@ fn served() -> (SocketAddr, String) {
 
 /// Runs a server without a hub until the test ends.
 fn run(server: Server) {
-    let place = Place::real("nowhere", |_| Err("there is none".to_owned()));
+    let place = Place::new("nowhere", |_| Err("there is none".to_owned()));
     std::thread::spawn(move || server.run(place, &AtomicBool::new(false)));
 }
 

@@ -29,7 +29,7 @@ fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_go
         })
     });
     let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    let mut page = memory::page(Place::real("a chain", open));
+    let mut page = memory::page(Place::new("a chain", open));
 
     page.until("a battery", |_, message| message["battery_v"].as_f64() > Some(11.0));
     page.enable(0);

@@ -39,7 +39,7 @@ fn page_of(hubs: Vec<Hub>) -> Page<Local> {
         let session = Session::new(line, addresses[0], Duration::from_millis(300));
         Ok(Opened { session, hubs: addresses.iter().map(|address| address.get()).collect() })
     };
-    memory::page(Place::real("hubs in memory", open))
+    memory::page(Place::new("hubs in memory", open))
 }
 
 /// A page of a hub that listens at a TCP port, so that a lost hub can be connected again. `address` is that of the hub;
@@ -48,7 +48,7 @@ fn page_of_server(hub: Hub, address: Option<Address>) -> (Server, Page<Local>) {
     let server = Server::start(hub);
     let place = server.address.clone();
     let open = move |address| dashboard::hub::open(&place, address).map_err(|error| error.to_string());
-    (server, memory::page(Place::real("a hub", open).at(address)))
+    (server, memory::page(Place { address, ..Place::new("a hub", open) }))
 }
 
 /// Refuses requests for settings of a motor.

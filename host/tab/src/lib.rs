@@ -63,17 +63,18 @@ thread_local! {
 pub extern "C" fn start(serial: bool) {
     motor_hub_client::clock::set(|| Duration::from_secs_f64(now_ms() / 1e3));
     let place = if serial {
-        Place::real("a hub on a serial port of this computer", |_| {
+        Place::new("a hub on a serial port of this computer", |_| {
             Opened::with_parent(SerialPort, TIMEOUT).map_err(|error| error.to_string())
         })
     } else {
         let world = World::default();
         SIMULATION.set(Some(Simulation::new(world.clone())));
-        Place::simulated("four motors in this tab", world, None, |_| {
+        let open = |_| {
             let mut session = Session::new(SimulatedHub, Address::DEFAULT, TIMEOUT);
             session.keep_alive().map_err(|error| error.to_string())?;
             Ok(session.into())
-        })
+        };
+        Place { world: Some(world), ..Place::new("four motors in this tab", open) }
     };
     let mut relay = Relay::new(place);
     // The relay connects before the page is in control, because a page in control must show new values at least every second.

@@ -5,11 +5,9 @@ use crate::output::{Failure, print, print_json};
 use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::StoreReport;
-use motor_hub::protocol::Nack;
 use motor_hub::store::{Outcome, Stored};
-use motor_hub_client::error::none_if_unsupported;
+use motor_hub_client::Session;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
-use motor_hub_client::{Error, Session};
 use serde_json::json;
 use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
@@ -116,21 +114,6 @@ pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", stored_text(&report)))
-}
-
-/// Returns a text that says why the next reset may end the hub's new address. `None` if the hub stores the address.
-pub(super) fn why_address_is_lost(session: &mut Session) -> Result<Option<String>, Error> {
-    Ok(match session.stored() {
-        Ok(report) => matches!(report.stored, Stored::Later | Stored::Damaged)
-            .then(|| format!("until the next reset: the memory has {}", stored_text(&report))),
-        Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => {
-            Some("until the next reset: the hub stores no settings".to_owned())
-        }
-        // A hub of another maker, or older firmware.
-        answer => none_if_unsupported(answer)?.is_none().then(|| {
-            "at least until the next reset: the hub does not report whether it stores its address".to_owned()
-        }),
-    })
 }
 
 /// Reads the settings in a file.

@@ -1,7 +1,7 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
 use crate::client_update::{KEY, RUNS, image, with_slot};
-use crate::common::{client, err, folder, json as document, store, write};
+use crate::common::{client, err, json as document, scenario, store};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server};
 use crate::page::{Dashboard, Page};
@@ -197,11 +197,9 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
 
 #[test]
 fn a_scenario_with_a_constant_current_is_played() {
-    let text = "name = \"current\"\nduration_s = 30\nbattery = { emf_v = 12, resistance_ohm = 0.1 }\n\
-        [[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\n\
+    let text = "[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\n\
         setpoints = [{ at_s = 0, current_a = 0.4, speed_limit_cps = 600 }, { at_s = 1, power = 0.2 }, { at_s = 2, current_a = -0.3 }]\n";
-    let scenario = write(&folder("dashboard-current"), "current.toml", text);
-    let dashboard = Dashboard::start(&["--scenario", &scenario]);
+    let dashboard = Dashboard::start(&["--scenario", &scenario("dashboard-current", text)]);
     let mut page = Page::ready(&dashboard);
     page.order("play", Value::Null);
     for (setpoint, target) in [("current", 0.4), ("power", 0.2), ("current", -0.3)] {
@@ -273,7 +271,7 @@ fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_ag
     assert_eq!(page.line(true)["stores"], false);
     assert!(page.refused("save", Value::Null).contains("store its settings"));
     page.order("address", json!({ "new": 9 }));
-    page.notice("at least until its next reset; it does not report whether it stores addresses");
+    page.notice("the hub has address 9 until the next reset: the hub stores no settings");
 }
 
 #[test]
