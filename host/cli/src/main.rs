@@ -15,9 +15,7 @@ mod documents;
 mod emulate;
 mod eval;
 mod identify;
-mod map;
 mod motors;
-mod operating_point;
 mod output;
 mod parse;
 mod points;
@@ -61,10 +59,10 @@ enum Command {
     Soak(soak::Options),
     Identify(identify::Options),
     Motors(motors::Options),
-    #[command(override_usage = points::USAGE)]
-    Points(points::Options),
-    #[command(override_usage = map::USAGE)]
-    Map(map::Options),
+    #[command(override_usage = points::POINTS_USAGE)]
+    Points(points::PointsOptions),
+    #[command(override_usage = points::MAP_USAGE)]
+    Map(points::MapOptions),
     /// Compare every number that the paper prints with ours, and list its misprints
     Paper {
         /// Print one JSON document instead of tables

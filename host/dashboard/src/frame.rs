@@ -89,62 +89,36 @@ pub(crate) enum Message {
         /// What the hub has besides motors; `None` if the hub does not report it.
         has: Option<Value>,
     },
-    /// Sent when the hubs of a chain, or what they do, have changed.
-    Hubs {
-        /// The hubs, the parent first.
-        hubs: Vec<HubOfChain>,
-    },
-    /// State of the servo outputs.
-    Servos {
-        /// States of the servos, by the number of the servo.
-        servos: Vec<Servo>,
-    },
-    /// What the hub measures.
-    Analog {
-        /// The values of all channels.
-        channels: Vec<Value>,
-    },
-    /// State of the digital pins.
-    Pins {
-        /// The pins that the hub has.
-        pins: Vec<Value>,
-    },
+    /// Sent when the hubs of a chain, or what they do, have changed. The parent is the first hub.
+    Hubs { hubs: Vec<HubOfChain> },
+    /// States of the servo outputs, by the number of the servo.
+    Servos { servos: Vec<Servo> },
+    /// Values of all channels that the hub measures.
+    Analog { channels: Vec<Value> },
+    /// States of the digital pins that the hub has.
+    Pins { pins: Vec<Value> },
     /// Result of a transfer on an I2C bus.
     Transfer(Transfer),
     /// A notice for the user.
     Notice {
-        /// Text of the notice.
         text: String,
         /// True if motors were disabled.
         motors_disabled: bool,
     },
-    /// Sent to a page whose order was not executed.
-    Refused {
-        /// Why the order was not executed.
-        why: String,
-    },
+    /// Sent to a page whose order was not executed: why it was not.
+    Refused { why: String },
     /// Progress or result of an identification.
     Identification {
-        /// Motor, 0 to 3.
         motor: u8,
-        /// Progress or result.
         #[serde(flatten)]
         progress: Identification,
     },
     /// Answer to a page that has asked for points.
     Points(Value),
     /// Answer to a page that has asked for the hub's record of faults, newest first.
-    Faults {
-        /// Entries of the record.
-        entries: Vec<Value>,
-    },
-    /// Answer to a page that has asked for a file.
-    File {
-        /// Name of the file.
-        name: &'static str,
-        /// Contents.
-        text: String,
-    },
+    Faults { entries: Vec<Value> },
+    /// Answer to a page that has asked for a file: name and contents of the file.
+    File { name: &'static str, text: String },
     /// Answer to a page that has asked for the hub's status.
     Status(Value),
     /// Sent while new firmware is sent to the hub, and at its end.
