@@ -26,16 +26,9 @@ pub(crate) enum PageRequest {
     Take,
     /// Releases control, and gives it to the page that has asked for it.
     Release,
-    /// Asks for the points S, T, Z and G of a motor at a speed and a battery voltage.
-    Points {
-        motor: u8,
-        /// Scheme: `A` to `D`.
-        scheme: SchemeName,
-        /// Speed in counts/s, 0 to 1000000.
-        cps: f64,
-        /// Battery voltage in volts, 1 to 60.
-        volts: f64,
-    },
+    /// Asks for the points S, T, Z and G of a motor with a scheme, `A` to `D`, at a speed of 0 to 1000000 counts/s and a
+    /// battery voltage of 1 to 60 V.
+    Points { motor: u8, scheme: SchemeName, cps: f64, volts: f64 },
     /// Set-point of a motor. A disabled motor keeps the set-point until it is enabled.
     Drive {
         motor: u8,
@@ -77,24 +70,14 @@ pub(crate) enum PageRequest {
         /// Largest acceleration of any motor, in counts/s².
         acceleration: f64,
     },
-    /// Sets the coefficients of a loop. From then on the motor is regulated by PID.
-    Coefficients {
-        motor: u8,
-        of: Loop,
-        /// Proportional, integral, derivative, feed-forward: -32768 to 32767 each.
-        pidf: [f64; 4],
-    },
+    /// Sets the coefficients of a loop: proportional, integral, derivative and feed-forward, -32768 to 32767 each. From
+    /// then on the motor is regulated by PID.
+    Coefficients { motor: u8, of: Loop, pidf: [f64; 4] },
     /// Chooses the regulator. For an unknown motor the model learns the acceleration per volt.
     Regulator { motor: u8, kind: Kind },
-    /// Configures the connected motor, the scheme and the duty rule.
-    SetUp {
-        motor: u8,
-        /// Name in the catalogue; `None` keeps the configured motor.
-        name: Option<String>,
-        /// Scheme: `none`, `A` to `D`.
-        scheme: SchemeName,
-        duty: DutyRule,
-    },
+    /// Configures the connected motor by its name in the catalogue, the scheme (`none`, `A` to `D`), and the duty rule.
+    /// Without a name the configured motor is kept.
+    SetUp { motor: u8, name: Option<String>, scheme: SchemeName, duty: DutyRule },
     /// Turns motors at speeds in step, until the next request.
     Turn {
         /// Speed by motor in counts/s; `None` for a motor that does not take part.
@@ -102,24 +85,13 @@ pub(crate) enum PageRequest {
         /// Largest acceleration of any motor, in counts/s².
         acceleration: f64,
     },
-    /// Changes settings of a motor, by their names in a settings file.
-    Configure {
-        motor: u8,
-        /// Number or word by name; `null` removes the value of an optional setting.
-        values: Map<String, Value>,
-    },
-    /// Limits a motor's acceleration.
-    Acceleration {
-        motor: u8,
-        /// Limit in counts/s²; `None` for the acceleration that the battery gives.
-        limit: Option<f64>,
-    },
-    /// Identifies a motor.
-    Identify {
-        motor: u8,
-        /// Longest travel in either direction, in counts; `None` for no limit.
-        travel: Option<f64>,
-    },
+    /// Changes settings of a motor: numbers or words by their names in a settings file. `null` removes the value of an
+    /// optional setting.
+    Configure { motor: u8, values: Map<String, Value> },
+    /// Limits a motor's acceleration, in counts/s²; `None` for the acceleration that the battery gives.
+    Acceleration { motor: u8, limit: Option<f64> },
+    /// Identifies a motor, with a longest travel in either direction in counts; `None` for no limit.
+    Identify { motor: u8, travel: Option<f64> },
     /// Applies the result of the last identification.
     Apply { motor: u8 },
     /// Undoes the last change of a motor's settings.
@@ -128,11 +100,8 @@ pub(crate) enum PageRequest {
     Faults,
     /// Asks for the settings in force as a file.
     Export,
-    /// Puts the settings of a file in force.
-    Import {
-        /// The file, as [`settings_file`](crate::settings_file) defines it.
-        text: String,
-    },
+    /// Puts the settings of a file in force, as [`settings_file`](crate::settings_file) defines the file.
+    Import { text: String },
     /// Stores the settings in force permanently.
     Save,
     /// Puts the stored settings in force.
@@ -149,30 +118,16 @@ pub(crate) enum PageRequest {
     Look(Look),
     /// Changes a servo or a digital pin, or uses an I2C bus.
     Device(DeviceRequest),
-    /// Gives the hub another address.
-    Address {
-        /// Address, 1 to 254.
-        new: i64,
-    },
-    /// Sets the colour of the hub's lamp.
-    Led {
-        /// Red, green and blue, 0 to 255 each.
-        colour: [u8; 3],
-    },
-    /// A part of new firmware. Offset 0 begins another image.
-    Firmware {
-        /// Number of bytes before the part.
-        offset: usize,
-        /// Bytes as hexadecimal digits.
-        hex: String,
-    },
-    /// Sends the firmware to the hub, and restarts the hub with it.
-    Update {
-        /// Version text in the firmware.
-        version: String,
-        /// Signature of the firmware; `None` for a hub that needs none.
-        seal: Option<SignatureFiles>,
-    },
+    /// Gives the hub another address, 1 to 254.
+    Address { new: i64 },
+    /// Sets the colour of the hub's lamp: red, green and blue, 0 to 255 each.
+    Led { colour: [u8; 3] },
+    /// A part of new firmware: bytes as hexadecimal digits, and the number of bytes before them. Offset 0 begins another
+    /// image.
+    Firmware { offset: usize, hex: String },
+    /// Sends the firmware with this version text to the hub, and restarts the hub with it. A hub without a key needs no
+    /// signature.
+    Update { version: String, seal: Option<SignatureFiles> },
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
     /// Changes a simulated hub's world.
@@ -252,53 +207,17 @@ pub(crate) enum Look {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum DeviceRequest {
-    /// Starts, changes or ends the pulses of a servo.
-    Servo {
-        /// Servo output, 0 to 5.
-        servo: u8,
-        /// Time between the starts of two pulses, in microseconds.
-        period_us: f64,
-        /// Length of the pulses in microseconds.
-        width_us: f64,
-        /// True to start the pulses, false to end them; `None` sets period and width, and starts no pulses.
-        on: Option<bool>,
-    },
-    /// Sets a digital pin.
-    Pin {
-        /// Digital pin, 0 to 7.
-        pin: u8,
-        /// Level of an output; `None` makes the pin an input.
-        level: Option<bool>,
-    },
-    /// Looks for the devices on an I2C bus.
-    Scan {
-        /// Bus, 0 to 3.
-        bus: u8,
-    },
-    /// Reads bytes of a device on an I2C bus.
-    Read {
-        /// Bus, 0 to 3.
-        bus: u8,
-        /// Address of the device, 0 to 127.
-        address: u8,
-        /// Register to read from; `None` for a read without a register.
-        register: Option<u8>,
-        /// Number of bytes, 1 to 100.
-        count: u8,
-        /// True for 400 kbit/s, false for 100 kbit/s.
-        fast: bool,
-    },
-    /// Writes bytes to a device on an I2C bus.
-    Write {
-        /// Bus, 0 to 3.
-        bus: u8,
-        /// Address of the device, 0 to 127.
-        address: u8,
-        /// The bytes to write, 1 to 100.
-        bytes: Vec<u8>,
-        /// True for 400 kbit/s, false for 100 kbit/s.
-        fast: bool,
-    },
+    /// Sets period and width of the pulses of a servo output, 0 to 5. `on` starts or ends the pulses; `None` does neither.
+    Servo { servo: u8, period_us: f64, width_us: f64, on: Option<bool> },
+    /// Makes a digital pin, 0 to 7, an output with a level; `None` makes the pin an input.
+    Pin { pin: u8, level: Option<bool> },
+    /// Looks for the devices on an I2C bus, 0 to 3.
+    Scan { bus: u8 },
+    /// Reads 1 to 100 bytes of a device on an I2C bus, from a register if one is given. `fast` is 400 kbit/s instead of
+    /// 100 kbit/s.
+    Read { bus: u8, address: u8, register: Option<u8>, count: u8, fast: bool },
+    /// Writes 1 to 100 bytes to a device on an I2C bus. `fast` is 400 kbit/s instead of 100 kbit/s.
+    Write { bus: u8, address: u8, bytes: Vec<u8>, fast: bool },
 }
 
 /// Signature and public key of new firmware. Each is the contents of a file as hexadecimal digits.

@@ -23,35 +23,17 @@ pub struct World(Arc<Mutex<Interventions>>);
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum WorldOrder {
-    /// Sets the battery's voltage without load.
-    Battery {
-        /// Voltage in volts; `None` for the value of the scenario.
-        volts: Option<f64>,
-    },
-    /// Sets an external torque on a motor's output shaft.
-    Torque {
-        motor: u8,
-        /// Torque in newton metres, positive clockwise; `None` for the value of the scenario.
-        nm: Option<f64>,
-    },
-    /// Sets the moment of inertia on a motor's output shaft.
-    Inertia {
-        motor: u8,
-        /// Moment of inertia in kg m²; `None` for the value of the scenario.
-        kg_m2: Option<f64>,
-    },
+    /// Sets the battery's voltage without load; `None` for the value of the scenario.
+    Battery { volts: Option<f64> },
+    /// Sets an external torque on a motor's output shaft in newton metres, positive clockwise; `None` for the value of the
+    /// scenario.
+    Torque { motor: u8, nm: Option<f64> },
+    /// Sets the moment of inertia on a motor's output shaft; `None` for the value of the scenario.
+    Inertia { motor: u8, kg_m2: Option<f64> },
     /// Blocks a shaft, or lets it turn again.
-    Hold {
-        motor: u8,
-        /// True if the shaft cannot turn.
-        held: bool,
-    },
-    /// Sets the state of a motor's encoder.
-    Encoder {
-        motor: u8,
-        /// Name in [`ENCODERS`].
-        is: String,
-    },
+    Hold { motor: u8, held: bool },
+    /// Sets the state of a motor's encoder, by its name in [`ENCODERS`].
+    Encoder { motor: u8, is: String },
     /// Drops all changes, so that the values of the scenario are in force again.
     Reset,
 }
