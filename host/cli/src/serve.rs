@@ -168,7 +168,7 @@ impl Options {
         #[cfg(unix)]
         let (absolute_place, mut note) = (self.absolute_place(&*line)?, None::<Option<ServedHubFile>>);
         let stopped = stop_flag()?;
-        let mut notices = Notices::default();
+        let (mut notices, mut totals) = (Notices::default(), [0.0; 2]);
         let mut printed = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;
@@ -188,7 +188,8 @@ impl Options {
                     shown_s = at_s + 0.2;
                     bar.set_message(format!("{at_s:.0} s, {}", describe()));
                 }
-                for notice in notices.due(at_s, lost.as_secs_f64(), rejected_hosts.into()) {
+                totals = [lost.as_secs_f64(), rejected_hosts.into()];
+                for notice in notices.due(at_s, totals) {
                     bar.suspend(|| eprintln!("{notice}"));
                 }
                 let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
@@ -196,7 +197,7 @@ impl Options {
             });
         bar.finish_and_clear();
         served.map_err(Failure::work)?;
-        for notice in notices.rest() {
+        for notice in notices.due(f64::INFINITY, totals) {
             eprintln!("{notice}");
         }
         printed
