@@ -61,8 +61,7 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
             println!("stopped by {how} after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
             let paused = tab.ask("document.querySelector('#pause').getAttribute('aria-pressed')");
             assert_eq!(paused, "false", "{how}");
-            let notice = tab.ask("document.querySelector('#notice').textContent");
-            assert_eq!(notice, "All motors are disabled: stopped.", "{how}");
+            assert_eq!(tab.text("#notice"), "All motors are disabled: stopped.", "{how}");
             tab.wait(&format!("{} === 0", motor(0, "velocity")));
         }
         // Space in a field stops nothing.
@@ -116,12 +115,7 @@ fn the_regimes_of_a_winch_are_shown() {
         drive(tab, 1, 600);
         drive(tab, 2, -400);
         drive(tab, 0, 700);
-        let regime = |tab: &mut Tab<'_>, expected: &str| {
-            tab.wait(&format!(
-                "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
-            ));
-        };
-        regime(tab, "Driving");
+        tab.says("#motors .pill", "Driving");
         tab.click("#tab-world");
         let pull = |tab: &mut Tab<'_>, nm: &str| {
             tab.fill("#panel-world input[type=range]", nm);
@@ -132,17 +126,17 @@ fn the_regimes_of_a_winch_are_shown() {
             std::thread::sleep(Duration::from_millis(800));
         };
         pull(tab, "0.3");
-        regime(tab, "Braking");
+        tab.says("#motors .pill", "Braking");
         turn(tab, "1600");
-        regime(tab, "Braking");
+        tab.says("#motors .pill", "Braking");
         pull(tab, "0.6");
         turn(tab, "1000");
         pull(tab, "-0.3");
-        regime(tab, "Driving");
+        tab.says("#motors .pill", "Driving");
         turn(tab, "1800");
         pull(tab, "0.4");
         turn(tab, "1200");
-        regime(tab, "Braking");
+        tab.says("#motors .pill", "Braking");
         // Without the panels below the plots.
         tab.ask("scrollTo(0, 0)");
         tab.resize(1280, 900);
@@ -184,7 +178,7 @@ fn a_step_is_plotted_over_the_step_before_and_a_change_is_undone() {
         tab.click("#tab-tune");
         let step = |tab: &mut Tab<'_>| {
             tab.click("#panel-tune button.primary");
-            tab.wait("document.querySelector('#panel-tune [role=status]').textContent === 'Done.'");
+            tab.reads("#panel-tune [role=status]", "Done.");
         };
         step(tab);
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 1);
@@ -208,9 +202,7 @@ fn the_result_of_an_identification_predicts_the_measured_speed() {
     with_page(|tab| {
         tab.click("#tab-learn");
         tab.click("#panel-learn button.primary");
-        tab.wait(
-            "document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is identified.'",
-        );
+        tab.reads("#panel-learn [role=status]", "Motor 0 is identified.");
         // Misfit of the two lines of the plot, as the page draws them.
         let off = tab.ask("dashboard.learned().misfit").as_f64().unwrap();
         println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
@@ -396,8 +388,7 @@ fn a_step_that_the_server_refuses_is_not_done() {
              dashboard.link.order = (name, fields) => order(name, name === 'drive' ? { ...fields, value: 40000 } : fields); 0",
         );
         tab.click("#panel-tune button.primary");
-        let says = "document.querySelector('#panel-tune [role=status]').textContent";
-        tab.wait(&format!("{says}.startsWith('Refused')"));
+        tab.says("#panel-tune [role=status]", "Refused");
         tab.wait(&format!("{} === false", motor(0, "enabled")));
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 0);
     });
@@ -417,11 +408,10 @@ fn a_click_on_release_gives_control_to_the_page_that_asked_with_motors_off() {
 #[test]
 fn a_page_of_a_program_that_was_started_again_asks_for_the_new_url() {
     with_page_of(&[], |dashboard, tab| {
-        let line = "document.querySelector('#line').textContent";
         let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
         dashboard.end();
-        tab.wait(&format!("{line}.startsWith('No connection')"));
+        tab.says("#line", "No connection");
         let _again = Dashboard::start(&["--http", &address]);
-        tab.wait(&format!("{line}.includes('started again: open the URL')"));
+        tab.wait("document.querySelector('#line').textContent.includes('started again: open the URL')");
     });
 }

@@ -31,7 +31,7 @@ fn servos_run_until_stop() {
         tab.wait(&is(true));
         // Another period is sent to the servos with pulses.
         tab.fill("#servo-period", "1400");
-        tab.wait("document.querySelector('#notice').textContent.startsWith('Not done: a pulse of 1500')");
+        tab.says("#notice", "Not done: a pulse of 1500");
         tab.fill("#servo-period", "20000");
         tab.press(ESCAPE);
         tab.wait(&is(false));
@@ -104,9 +104,9 @@ fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
     with_page_of(&["--hubs", "3"], |_, tab| {
         tab.resize(1366, 768);
         drive(tab, 1, 600);
-        tab.wait("document.querySelector('#hubs button').textContent === 'Hub 2, parentmotor 1 runs'");
+        tab.reads("#hubs button", "Hub 2, parentmotor 1 runs");
         tab.click("#hubs button:nth-child(2)");
-        tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
+        tab.says("#motors .card", "Motor 3:0");
         drive(tab, 0, 600);
         for (hub, motor) in [(0, 1), (1, 0)] {
             tab.wait(&format!("dashboard.state.hubs[{hub}].running.join() === '{motor}'"));

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 const FROM: &str = "#panel-tune [aria-label=\"Step from\"]";
 const TO: &str = "#panel-tune [aria-label=\"Step to\"]";
-const SAYS: &str = "document.querySelector('#panel-tune [role=status]').textContent";
+const SAYS: &str = "#panel-tune [role=status]";
 
 #[test]
 fn a_step_begins_at_the_speed_that_was_asked_for() {
@@ -28,7 +28,7 @@ fn a_step_begins_at_the_speed_that_was_asked_for() {
         tab.fill(FROM, &from.to_string());
         tab.fill(TO, "500");
         tab.click("#panel-tune button.primary");
-        tab.wait(&format!("{SAYS} === 'Done.'"));
+        tab.reads(SAYS, "Done.");
         let label = "document.querySelector('#panel-tune .chart').getAttribute('aria-label')";
         let most = tab.ask(&format!("Number({label}.match(/now from .* to (.*),/)[1])")).as_f64().unwrap();
         assert!((most - from).abs() < 0.06 * from, "from {most} instead of {from} counts/s");
@@ -43,7 +43,7 @@ fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
         tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
         tab.fill(FROM, "600");
         tab.click("#panel-tune button.primary");
-        tab.wait(&format!("{SAYS}.startsWith('The motor did not reach 600 counts/s within 6 s')"));
+        tab.says(SAYS, "The motor did not reach 600 counts/s within 6 s");
         off(tab, Instant::now());
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 0);
     });
@@ -58,7 +58,7 @@ fn a_step_ends_with_its_own_motor_off_when_another_hub_is_chosen() {
         tab.wait(&format!("{} > 100", motor(0, "velocity")));
         tab.click("#hubs button:nth-child(2)");
         tab.wait("dashboard.state.hubs[1].shown");
-        tab.wait(&format!("{SAYS}.startsWith('Another hub was chosen')"));
+        tab.says(SAYS, "Another hub was chosen");
         std::thread::sleep(Duration::from_secs(1));
         assert_eq!(tab.ask("dashboard.state.hubs.map(({ running }) => running.length)"), json!([0, 0]));
         assert_eq!(tab.ask(&motor(0, "velocity")), 0);
@@ -77,7 +77,7 @@ fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor()
         tab.fill(FROM, "99999");
         let rpm = number(tab, FROM);
         assert!((rpm - free * 60.0 / per_turn).abs() < 0.02 * rpm, "{rpm} rpm");
-        tab.wait(&format!("{SAYS}.startsWith('Limited to')"));
+        tab.says(SAYS, "Limited to");
         tab.fill("#unit", "cps");
         assert!((number(tab, TO) - 800.0).abs() < 0.5);
         assert_eq!(tab.ask(&motor(0, "enabled")), false);
@@ -110,7 +110,7 @@ fn faults_are_listed_with_their_explanation() {
         tab.click("#tab-hub");
         open(tab, "Faults and resets");
         press(tab, "Show faults");
-        tab.wait("document.querySelector('#hub-faults').textContent.startsWith('No faults')");
+        tab.says("#hub-faults", "No faults");
         drive(tab, 1, 600);
         tab.ask("dashboard.link.order('world', { encoder: { motor: 1, is: 'unplugged' } })");
         tab.wait(&motor(1, "fault"));
@@ -126,12 +126,12 @@ fn a_recording_ends_when_another_hub_is_shown() {
     with_page_of(&["--hubs", "2"], |_, tab| {
         tab.click("#tab-record");
         press(tab, "Record");
-        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+        tab.says("#recording", "● Recording, 1 s");
         tab.click("#hubs button:nth-child(2)");
-        tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('Another hub is shown')");
+        tab.says("#panel-record [role=status]", "Another hub is shown");
         assert_eq!(tab.ask("document.querySelector('#recording').hidden"), true);
         press(tab, "Record");
-        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+        tab.says("#recording", "● Recording, 1 s");
     });
 }
 
@@ -215,7 +215,7 @@ fn a_card_and_the_battery_are_unknown_without_a_connection() {
         for (part, text) in [(".run", "Run"), (".speed b", "–")] {
             assert_eq!(tab.ask(&format!("{card}.querySelector('{part}').textContent")), text);
         }
-        tab.wait("document.querySelector('#battery').textContent === 'Battery unknown'");
+        tab.reads("#battery", "Battery unknown");
     });
 }
 
@@ -224,12 +224,12 @@ fn an_identification_whose_connection_is_lost_is_shown_as_stopped() {
     with_page_of(&[], |dashboard, tab| {
         tab.click("#tab-learn");
         press(tab, "Identify");
-        let says = "document.querySelector('#panel-learn [role=status]').textContent";
-        tab.wait(&format!("{says}.startsWith('Moving')"));
+        const SAYS: &str = "#panel-learn [role=status]";
+        tab.says(SAYS, "Moving");
         // The motor had power 0 before, but the mode of its card stays.
         assert_eq!(tab.ask("document.querySelector('#motors [aria-label^=Mode]').value"), "velocity");
         dashboard.end();
-        tab.wait(&format!("{says}.startsWith('The connection was lost')"));
+        tab.says(SAYS, "The connection was lost");
     });
 }
 
@@ -279,11 +279,10 @@ fn plots_that_are_zoomed_in_are_resumed_and_a_recording_without_rows_is_refused(
         tab.click("#unzoom");
         tab.wait(&pause("Pause"));
         tab.click("#tab-record");
-        let heading = "document.querySelector('#panel-record [role=status]').textContent";
         let names = tab.ask("import('/js/history.js').then(({ OF_MOTOR }) => OF_MOTOR.join())");
         let names = names.as_str().unwrap();
         choose(tab, "#record-file", "head.csv", format!("time_s,motor,battery_v,{names}\n"));
-        tab.wait(&format!("{heading} === 'head.csv: the recording has no rows'"));
+        tab.reads(STATUS, "head.csv: the recording has no rows");
         assert_eq!(tab.ask(&pause("Pause")), true);
         // The choice of curves shifts the plots down, and no text lies over another one.
         tab.resize(1280, 900);
@@ -293,7 +292,7 @@ fn plots_that_are_zoomed_in_are_resumed_and_a_recording_without_rows_is_refused(
     });
 }
 
-const STATUS: &str = "document.querySelector('#panel-record [role=status]').textContent";
+const STATUS: &str = "#panel-record [role=status]";
 
 #[test]
 #[ignore = "long: cargo xtask long"]
@@ -301,7 +300,7 @@ fn a_recording_has_a_banner_all_columns_and_marks_of_its_events_and_is_shown_aga
     with_page(|tab| {
         tab.click("#tab-record");
         press(tab, "Record");
-        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+        tab.says("#recording", "● Recording, 1 s");
         drive(tab, 0, 700);
         tab.fill("#motors .card:nth-child(1) input[type=number]", "900");
         std::thread::sleep(Duration::from_millis(500));
@@ -320,15 +319,14 @@ fn a_recording_has_a_banner_all_columns_and_marks_of_its_events_and_is_shown_aga
             assert!(head.split(',').any(|name| name == column), "no column {column}: {head}");
         }
         choose(tab, "#record-file", "run.csv", &text);
-        tab.wait(&format!("{STATUS}.startsWith('run.csv is shown')"));
+        tab.says(STATUS, "run.csv is shown");
         let marks = tab.ask("dashboard.columns().marks.map(({ words }) => words)");
         assert_eq!(marks, serde_json::json!(["set-point", "set-point", "off"]));
         tab.wait("document.querySelector('.chart[aria-label^=Speed]').getAttribute('aria-label').includes(', recording of ')");
         tab.picture(&pictures().join("recording.png"), false);
-        let pause = "document.querySelector('#pause').textContent";
-        assert_eq!(tab.ask(pause), "Resume live");
+        assert_eq!(tab.text("#pause"), "Resume live");
         tab.click("#pause");
-        assert_eq!(tab.ask(pause), "Pause");
+        assert_eq!(tab.text("#pause"), "Pause");
     });
 }
 
@@ -390,16 +388,14 @@ fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
             tab.fill(&format!("[id=\"field-{name}\"]"), text);
         }
         press(tab, "Apply changes");
-        tab.wait("document.querySelector('#notice').textContent === 'Motor 0: the settings are in force.'");
+        tab.reads("#notice", "Motor 0: the settings are in force.");
         assert_eq!(tab.ask(&value("current_limit_ma")), 800);
         assert_eq!(tab.ask(&value("on_fault")), "brake");
         assert_eq!(tab.ask(&value("bridge.turn_on_ns")), 400);
         assert!(tab.ask(&value("thermal.winding_s")).as_f64() > Some(1.0));
         tab.fill("[id=\"field-emf_mv_s_per_count\"]", "99");
         press(tab, "Apply changes");
-        tab.wait(
-            "document.querySelector('#notice').textContent.startsWith('Not done: emf_mv_s_per_count is 99')",
-        );
+        tab.says("#notice", "Not done: emf_mv_s_per_count is 99");
         // What was typed stays until it is in force or discarded.
         tab.press(("1", 49));
         tab.press(("0", 48));
@@ -425,11 +421,11 @@ fn the_hub_panel_shows_the_version_and_sets_lamp_and_address() {
         tab.wait("document.querySelector('#hub-lamp').value === '#102030'");
         tab.fill("#hub-address", "9");
         press(tab, "Set");
-        tab.wait("document.querySelector('#notice').textContent.startsWith('The hub has address 9 ')");
+        tab.says("#notice", "The hub has address 9 ");
         tab.wait("/address.*9/.test(document.querySelector('#panel-hub table').textContent)");
         open(tab, "Faults and resets");
         press(tab, "Clear");
-        tab.wait("document.querySelector('#notice').textContent === 'The record of faults is cleared.'");
+        tab.reads("#notice", "The record of faults is cleared.");
     });
 }
 

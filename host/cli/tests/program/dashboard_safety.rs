@@ -241,7 +241,7 @@ fn run_does_not_start_a_motor_whose_set_point_is_refused() {
         off(tab, Instant::now());
         tab.ask("import('/js/motors.js').then(({ motion }) => { motion.tolerance = 70000; })");
         tab.click(&card(0, ".run"));
-        tab.wait("document.querySelector('#notice').textContent.startsWith('Not done')");
+        tab.says("#notice", "Not done");
         std::thread::sleep(ANSWERED);
         assert_eq!(tab.ask(&motor(0, "enabled")), false);
         // The field keeps its range.
@@ -278,9 +278,7 @@ fn run_holds_the_present_position_after_a_new_zero_and_on_another_hub() {
         reach(tab);
         tab.click("#tab-setup");
         press(tab, "Set zero here");
-        tab.wait(
-            "document.querySelector('#notice').textContent.startsWith('Not done: motor 0 holds a position')",
-        );
+        tab.says("#notice", "Not done: motor 0 holds a position");
         stays_at_run_after(tab, |tab| {
             press(tab, "Set zero here");
             tab.wait(&format!("Math.abs({}) < 20", motor(0, "position")));
@@ -375,9 +373,7 @@ fn an_empty_field_and_a_text_that_is_no_number_change_nothing_and_are_named() {
             tab.ask("document.activeElement.blur()");
         };
         let refused = |tab: &mut Tab<'_>, field: &str| {
-            tab.wait(&format!(
-                "document.querySelector('#notice').textContent === 'Not done: {field}: enter a number.'"
-            ));
+            tab.reads("#notice", &format!("Not done: {field}: enter a number."));
             tab.ask("document.querySelector('#notice').textContent = ''");
         };
         let field = card(0, "input[type=number]");

@@ -111,7 +111,7 @@ fn a_serial_port_that_cannot_be_opened_is_reported_and_the_simulation_goes_on() 
         tab.ask("Object.defineProperty(navigator, 'serial', { value: { requestPort: async () => ({ open: async () => { throw new Error('Failed to open serial port.'); } }) } })");
         tab.click("#serial");
         tab.wait("document.querySelector('#notice').textContent.includes('cannot be opened: Failed to open serial port.')");
-        assert_eq!(tab.ask("document.querySelector('#serial').textContent"), "Connect a hub");
+        assert_eq!(tab.text("#serial"), "Connect a hub");
         drive(tab, 0, 900);
         assert_eq!(tab.ask("dashboard.state.simulated"), true);
     });
@@ -170,8 +170,8 @@ fn a_hub_on_a_serial_port_is_stopped_and_its_keep_alive_disables_its_motors_when
         println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
         drive(tab, 0, 700);
         tab.ask("window.socket.close()");
-        tab.wait("document.querySelector('#line').textContent.startsWith('Hub not connected')");
-        tab.wait("document.querySelector('#serial').textContent === 'Connect a hub'");
+        tab.says("#line", "Hub not connected");
+        tab.reads("#serial", "Connect a hub");
         std::thread::sleep(KEEP_ALIVE + Duration::from_millis(500));
     });
     assert!(!hub.tcp().enabled());

@@ -184,6 +184,22 @@ impl Tab<'_> {
         assert!(self.becomes(expression, PATIENCE), "never: {expression}; {:#?}", self.complaints());
     }
 
+    /// Returns the text of an element.
+    pub(crate) fn text(&mut self, selector: &str) -> String {
+        let text = self.ask(&format!("document.querySelector({selector:?}).textContent"));
+        text.as_str().expect("a text").to_owned()
+    }
+
+    /// Waits until the text of an element begins with these words.
+    pub(crate) fn says(&mut self, selector: &str, words: &str) {
+        self.wait(&format!("document.querySelector({selector:?}).textContent.startsWith({words:?})"));
+    }
+
+    /// Waits until this is the whole text of an element.
+    pub(crate) fn reads(&mut self, selector: &str, text: &str) {
+        self.wait(&format!("document.querySelector({selector:?}).textContent === {text:?}"));
+    }
+
     /// Waits until an expression is true. Returns false if the expression is not true within this time.
     pub(crate) fn becomes(&mut self, expression: &str, within: Duration) -> bool {
         let end = Instant::now() + within;

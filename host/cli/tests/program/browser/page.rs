@@ -66,10 +66,7 @@ pub(crate) fn with_driver_and_viewer(test: impl FnOnce(Tab<'_>, Tab<'_>)) {
 /// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
 pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
     with_driver_and_viewer(|driver, mut viewer| {
-        assert_eq!(
-            viewer.ask("document.querySelector('#control').textContent"),
-            "Another page is in control"
-        );
+        assert_eq!(viewer.text("#control"), "Another page is in control");
         let since = Instant::now();
         end(driver);
         let took = wait_for("a motor that is off", || {
@@ -82,7 +79,7 @@ pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, 
         viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
         viewer.wait("document.querySelector('#take').checkVisibility()");
         viewer.click("#take");
-        viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
+        viewer.says("#control", "You are in control");
         assert_eq!(viewer.complaints(), Vec::<String>::new());
     });
 }
