@@ -67,15 +67,9 @@ pub(crate) enum Message {
     Frame(Frame),
     /// Sent when the settings of a motor have changed.
     Settings(Value),
-    /// Sent when the page in control, the number of pages, or a request for control has changed.
-    Control {
-        /// Number of the page in control.
-        controller: Option<u32>,
-        /// Number of pages.
-        pages: usize,
-        /// Number of the page that asks for control.
-        asks: Option<u32>,
-    },
+    /// Sent when one of these has changed: the number of the page in control, the number of pages, and the number of the
+    /// page that asks for control.
+    Control { controller: Option<u32>, pages: usize, asks: Option<u32> },
     /// Sent when the hub has been connected or lost.
     Line {
         /// True if the hub answers.

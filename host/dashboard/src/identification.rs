@@ -23,8 +23,8 @@ pub(crate) struct Identification {
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "state", rename_all = "kebab-case")]
 pub(crate) enum Progress {
+    /// Progress in percent, 0 to 100.
     Running {
-        /// Progress in percent, 0 to 100.
         percent: u8,
     },
     Found {
