@@ -263,6 +263,8 @@ fn summary(responses: &[Response]) -> Table {
         let chosen = answers.iter().filter(|(response, _)| (response.kind == Kind::Load) == load);
         quantile(chosen.filter_map(|(_, verdict)| verdict.beyond_percent).collect(), share)
     };
+    // Without any response there is no time, not even "never".
+    let time = |value: Option<f64>| value.map_or("-".to_owned(), |s| table::seconds(Some(s)));
     table::of(
         Knowledge::ALL.map(|knowledge| (knowledge, all(responses, knowledge))),
         1,
@@ -271,7 +273,7 @@ fn summary(responses: &[Response]) -> Table {
             ("never settled, %", &|(_, answers)| never(answers)),
             ("swings, %", &|(_, answers)| percent(count(answers, |verdict| verdict.cycles), answers.len())),
             ("settling, median / p90", &|(_, answers)| {
-                [0.5, 0.9].map(|share| table::seconds(settling(answers, share))).join(" / ")
+                [0.5, 0.9].map(|share| time(settling(answers, share))).join(" / ")
             }),
             ("beyond, median / p90, %", &|(_, answers)| {
                 [0.5, 0.9].map(|share| number(beyond(answers, false, share), 1)).join(" / ")
