@@ -196,7 +196,8 @@ pub fn headline(soak: &Soak) -> String {
         0 => String::new(),
         scenarios => format!("; the watchdog was not fed in time in {} scenarios", grouped(scenarios)),
     };
-    format!("{alarms} in {time} of {} motors{watchdog}.", grouped(*motors))
+    let of = if *motors == 1 { "1 motor".to_owned() } else { format!("{} motors", grouped(*motors)) };
+    format!("{alarms} in {time} of {of}{watchdog}.")
 }
 
 /// The headline, what was run, and every alarm, for people.
@@ -230,6 +231,8 @@ mod tests {
     fn the_headline_counts_alarms_hours_and_motors() {
         let clean = Soak { seconds: 43_920.0, motors: 29_376, ..Soak::default() };
         assert_eq!(headline(&clean), "No false alarm in 12.2 h of 29 376 motors.");
+        let one = Soak { seconds: 8.0, motors: 1, ..Soak::default() };
+        assert_eq!(headline(&one), "No false alarm in 8 s of 1 motor.");
         let starved = Soak { seconds: 10.0, motors: 3, starved: vec![1, 2], ..Soak::default() };
         assert_eq!(
             headline(&starved),
