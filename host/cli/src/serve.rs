@@ -34,8 +34,9 @@ const AWAKE_S: f64 = 0.5;
 /// port. The hub runs until it is stopped by Ctrl-C.
 ///
 /// Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives
-/// set-points. The torques of a scenario act from the start. In the default scenario no load acts on the motors, and
-/// dry friction is 6 % of the stall torque. All motors use Scheme A.
+/// set-points. The torques of a scenario act from the start. Without a scenario the motors are a NeveRest 20, 60, 40
+/// and again 20, with the inertias of the default scenario and without torques; dry friction is 6 % of the stall
+/// torque. All motors use Scheme A.
 ///
 /// The hub accepts one host at a time. The hub closes a second TCP connection, and reports this on standard error. If
 /// the first host has been silent for 5 s, the hub serves the second host instead. Standard error also reports when
