@@ -3,7 +3,7 @@
 //! | trait | needed by |
 //! |---|---|
 //! | [`Encoders`], [`SupplyAdc`], [`Bridges`], [`Watchdog`] | every board |
-//! | [`BridgeFaults`], [`CurrentSense`] | boards that can read fault outputs or current-sense lines of their bridges |
+//! | [`BridgeSensors`] | boards that can read fault outputs or current-sense lines of their bridges |
 //! | [`Devices`] | boards with digital pins, servo outputs or analog inputs for the host |
 //! | `I2cBus` (feature `tasks`) | boards with I2C buses for the host |
 //!
@@ -24,11 +24,11 @@
 //! assert_eq!(Counters([65_535]).counts(), [Some(65_535), None]);
 //! ```
 
-use crate::bridge::Drive;
+use crate::bridge::{BridgeFeedback, Drive};
 pub use crate::devices::{
     ANALOG_INPUTS, AnalogReading, AnalogReadings, DIGITAL_PINS, Equipment, I2C_BUSES, SERVOS, ServoPulse,
 };
-use crate::units::{Milliamperes, Millivolts};
+use crate::units::Millivolts;
 use core::ops::RangeInclusive;
 
 /// The quadrature counters of N motors.
@@ -68,28 +68,16 @@ pub trait Bridges<const N: usize> {
     fn apply(&mut self, drives: &[Drive; N]);
 }
 
-/// Fault outputs of bridges that switch themselves off, such as the DIAG pins of a VNH5019.
-pub trait BridgeFaults<const N: usize> {
-    /// Returns true for each bridge that reports a fault now. Must not block.
-    fn faults(&mut self) -> [bool; N];
-}
-
-/// Current-sense lines of bridges. Each line needs a filter with a time constant of some tenths of a millisecond.
+/// Fault outputs of bridges that switch themselves off, such as the DIAG pins of a VNH5019, and current-sense lines.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
-pub trait CurrentSense<const N: usize> {
-    /// Measures the magnitude of the mean current of each motor. `None` for a motor without a current-sense line, or if
-    /// the converter does not answer. 0 is a valid measurement.
+pub trait BridgeSensors<const N: usize> {
+    /// Samples both signals of each bridge. Must return within a few milliseconds. Without measured currents the hub
+    /// computes currents from its model.
     ///
-    /// A line shows the motor's current in the modes 9/8 and 6/2. In mode 5/0 it shows 0. Must return within a few
-    /// milliseconds.
-    async fn sample(&mut self) -> [Option<Milliamperes>; N];
-}
-
-/// A board without current-sense lines. The hub then computes currents from its model.
-impl<const N: usize> CurrentSense<N> for () {
-    async fn sample(&mut self) -> [Option<Milliamperes>; N] {
-        [None; N]
-    }
+    /// A current-sense line shows the magnitude of the motor's mean current in the modes 9/8 and 6/2. In mode 5/0 it
+    /// shows 0, which is a valid measurement. Each line needs a filter with a time constant of some tenths of a
+    /// millisecond.
+    async fn sample(&mut self) -> [BridgeFeedback; N];
 }
 
 /// What a board has for hosts besides its motors: digital pins, servo outputs and analog inputs. No function may block.

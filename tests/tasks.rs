@@ -4,7 +4,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::braking::Winding;
-use motor_hub::bridge::{Drive, Mode};
+use motor_hub::bridge::{BridgeFeedback, Drive, Mode};
 use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Supply};
@@ -459,15 +459,11 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
 /// Bridges with faults, and a current on the first bridge.
 struct BridgeLines<'a>(&'a Cell<[bool; N]>);
 
-impl motor_hub::board::BridgeFaults<N> for BridgeLines<'_> {
-    fn faults(&mut self) -> [bool; N] {
-        self.0.get()
-    }
-}
-
-impl motor_hub::board::CurrentSense<N> for BridgeLines<'_> {
-    async fn sample(&mut self) -> [Option<Milliamperes>; N] {
-        [Some(Milliamperes::new(700)), None, None, None]
+impl motor_hub::board::BridgeSensors<N> for BridgeLines<'_> {
+    async fn sample(&mut self) -> [BridgeFeedback; N] {
+        let mut feedback = self.0.get().map(|fault| BridgeFeedback { current: None, fault });
+        feedback[0].current = Some(Milliamperes::new(700));
+        feedback
     }
 }
 
@@ -481,7 +477,7 @@ fn faults_and_currents_of_bridges_reach_the_motors_and_a_task_that_reads_them_mu
 
     let faults = Cell::new([false; N]);
     let mut bridges: TaskFuture<'_> = Box::pin(async {
-        tasks::bridges::run(BridgeLines(&faults), BridgeLines(&faults), &parts.wires, &parts.health).await;
+        tasks::bridges::run(BridgeLines(&faults), &parts.wires, &parts.health).await;
     });
     parts.send(0, HALF);
     let mut run = |board: &mut Board<'_>, ms| {

@@ -1,8 +1,7 @@
 //! Samples the fault outputs and the currents of the bridges for control, on boards that have these signals.
 
 use super::{Health, Task, Wires};
-use crate::board::{BridgeFaults, CurrentSense};
-use crate::bridge::BridgeFeedback;
+use crate::board::BridgeSensors;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
@@ -16,20 +15,15 @@ use embassy_time::{Duration, Ticker};
 /// older than a modelled current.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(25);
 
-/// Runs the task. Never returns. A board without current-sense lines passes `()` as `currents`.
+/// Runs the task. Never returns.
 pub async fn run<M: RawMutex, const N: usize>(
-    mut faults: impl BridgeFaults<N>,
-    mut currents: impl CurrentSense<N>,
+    mut sensors: impl BridgeSensors<N>,
     wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
     let mut ticker = Ticker::every(SENSE_INTERVAL);
     loop {
-        let mut sensed = currents.sample().await.map(|current| BridgeFeedback { current, fault: false });
-        for (sensed, fault) in sensed.iter_mut().zip(faults.faults()) {
-            sensed.fault = fault;
-        }
-        wires.sensed.signal(sensed);
+        wires.sensed.signal(sensors.sample().await);
         health.check_in(Task::Bridges);
         ticker.next().await;
     }

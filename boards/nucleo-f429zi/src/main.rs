@@ -44,7 +44,7 @@ motor_hub_stm32::hub! {
     watchdog: IWDG,
     detector: PVD, cr1,
     battery: BatteryAdc,
-    currents: CurrentLines<4>,
+    sensors: CurrentLines<4>,
     slot: None,
     store: Bank2Region1<'static, Async>,
     chain: serial::Line,
@@ -94,9 +94,12 @@ async fn main(spawner: Spawner) {
             Counter::new(p.TIM4, p.PD12, p.PD13),
             Counter::new(p.TIM8, p.PC6, p.PC7),
         )),
-        diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
         battery: unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2)),
-        currents: CurrentLines::new(p.ADC3, channels!(p.PC0, p.PC3, p.PF3, p.PF5)),
+        sensors: CurrentLines::new(
+            p.ADC3,
+            channels!(p.PC0, p.PC3, p.PF3, p.PF5),
+            DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
+        ),
         link: serial::host_link(
             unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(ST_LINK))),
             Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(ADAPTER)))),

@@ -32,7 +32,7 @@ motor_hub_stm32::hub! {
     watchdog: IWDG,
     detector: PVD_PVM, cr2,
     battery: BatteryAdc,
-    currents: (),
+    sensors: DiagLines<4>,
     slot: None,
 }
 
@@ -68,9 +68,8 @@ async fn main(spawner: Spawner) {
             Counter::new(p.TIM4, p.PB6, p.PB7),
             Counter::new(p.TIM8, p.PC6, p.PC7),
         )),
-        diag: DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]),
+        sensors: DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]),
         battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA0)),
-        currents: (),
         link: serial::host_link(line_to_host, None),
         lamp: Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) },
         connectors: Connectors {

@@ -63,7 +63,7 @@ motor_hub_stm32::hub! {
     watchdog: IWDG1,
     detector: PVD_AVD, cr1,
     battery: BatteryAdc,
-    currents: CurrentLines<4>,
+    sensors: CurrentLines<4>,
     slot: SLOT,
     store: Part,
     chain: serial::Line,
@@ -111,9 +111,12 @@ async fn main(spawner: Spawner) {
             Counter::new(p.TIM4, p.PD12, p.PD13),
             Counter::new(p.TIM8, p.PC6, p.PC7),
         )),
-        diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
         battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3, analog_inputs)),
-        currents: CurrentLines::new(p.ADC2, channels!(p.PC0, p.PB1, p.PA6, p.PA5)),
+        sensors: CurrentLines::new(
+            p.ADC2,
+            channels!(p.PC0, p.PB1, p.PA6, p.PA5),
+            DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
+        ),
         link: serial::host_link(
             unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
             Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),

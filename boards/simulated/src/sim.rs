@@ -114,7 +114,7 @@ pub(crate) fn tasks<'a>(
     let supply = Supply::new(scenario.limits());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
-        let bridges = tasks::bridges::run(board.clone(), board.clone(), wires, health);
+        let bridges = tasks::bridges::run(board.clone(), wires, health);
         let others = join5(
             tasks::capture::run(board.clone(), wires, health),
             tasks::supply::run(board.clone(), supply, wires, health),

@@ -18,8 +18,8 @@ use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
 use crate::world::{Board, View};
 use embassy_futures::block_on;
-use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
-use motor_hub::bridge::{BridgeFeedback, Drive};
+use motor_hub::board::{BridgeSensors, Bridges, Encoders, SupplyAdc};
+use motor_hub::bridge::Drive;
 use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
@@ -78,12 +78,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             }
         }
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
-            let mut sensed = block_on(CurrentSense::sample(&mut board))
-                .map(|current| BridgeFeedback { current, fault: false });
-            for (sensed, fault) in sensed.iter_mut().zip(board.faults()) {
-                sensed.fault = fault;
-            }
-            hub.set_bridge_feedback(&sensed);
+            hub.set_bridge_feedback(&block_on(BridgeSensors::sample(&mut board)));
         }
         let alarm = supply.quiet().is_some_and(|quiet| board.has_left(&quiet));
         if alarm || ms >= look_ms {

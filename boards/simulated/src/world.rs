@@ -23,10 +23,10 @@ use crate::scenario::{Attached, Motor, Scenario, Timed};
 use crate::sim::STEP_S;
 use embassy_time::Timer;
 use motor_hub::board::{
-    ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeFaults, Bridges, CurrentSense, DIGITAL_PINS, Devices,
-    Encoders, Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
+    ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeSensors, Bridges, DIGITAL_PINS, Devices, Encoders,
+    Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
 };
-use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
+use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive, SenseScale};
 use motor_hub::group::Pose;
 use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
@@ -365,19 +365,16 @@ impl Bridges<MOTORS> for Board {
     }
 }
 
-impl BridgeFaults<MOTORS> for Board {
-    fn faults(&mut self) -> [bool; MOTORS] {
-        self.0.borrow().faults
-    }
-}
-
-impl CurrentSense<MOTORS> for Board {
-    async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
+impl BridgeSensors<MOTORS> for Board {
+    async fn sample(&mut self) -> [BridgeFeedback; MOTORS] {
         let mut world = self.0.borrow_mut();
-        world.lines.map(|(line, sensed)| {
+        let faults = world.faults;
+        let mut feedback = faults.map(|fault| BridgeFeedback { current: None, fault });
+        for (feedback, (line, sensed)) in feedback.iter_mut().zip(world.lines) {
             let word = line.volts(sensed).map(|volts| world.convert(volts));
-            word.map(|word| SENSE_SCALE.current(word, 12))
-        })
+            feedback.current = word.map(|word| SENSE_SCALE.current(word, 12));
+        }
+        feedback
     }
 }
 

@@ -15,7 +15,7 @@
 /// | `encoders`, `watchdog` | peripherals: timers of the encoders by motor, watchdog |
 /// | `detector` | interrupt of the chip's voltage detector, and the register of PWR that sets the detector |
 /// | `battery` | type of the converter of the battery |
-/// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
+/// | `sensors` | type that samples the DIAG lines of the bridges, and the currents on a board with a converter for them |
 /// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
 /// | `store` | flash that stores settings; left out on a board that stores none |
 /// | `chain` | type of the line between the hubs of a chain; left out on a board that has none |
@@ -32,7 +32,7 @@ macro_rules! hub {
         watchdog: $watchdog:ident,
         detector: $detector:ident, $control:ident,
         battery: $battery:ty,
-        currents: $currents:ty,
+        sensors: $sensors:ty,
         slot: $slot:expr,
         $(store: $store:ty,)?
         $(chain: $chain:ty,)?
@@ -100,8 +100,7 @@ macro_rules! hub {
         struct Parts {
             watchdog: Watchdog,
             bridges: Bridges,
-            diag: $crate::bridge_faults::DiagLines<MOTORS>,
-            currents: $currents,
+            sensors: $sensors,
             encoders: Encoders,
             battery: $battery,
             link: ($crate::serial::HostSender, $crate::serial::HostReceiver),
@@ -161,7 +160,7 @@ macro_rules! hub {
                 ..::motor_hub::motor::Settings::new(::motor_hub::braking::Winding::NEVEREST_60)
             };
             spawner.spawn(unwrap!(output(parts.bridges)));
-            spawner.spawn(unwrap!(bridge_sense(parts.diag, parts.currents)));
+            spawner.spawn(unwrap!(bridge_sense(parts.sensors)));
             spawner.spawn(unwrap!(capture(parts.encoders)));
             spawner.spawn(unwrap!(supply(parts.battery)));
             spawner.spawn(unwrap!(control(settings)));
@@ -204,9 +203,9 @@ macro_rules! hub {
         }
 
         #[::embassy_executor::task]
-        async fn bridge_sense(diag: $crate::bridge_faults::DiagLines<MOTORS>, currents: $currents) -> ! {
-            $crate::Calibrate::calibrate(&currents).await;
-            ::motor_hub::tasks::bridges::run(diag, currents, &WIRES, &HEALTH).await
+        async fn bridge_sense(sensors: $sensors) -> ! {
+            $crate::Calibrate::calibrate(&sensors).await;
+            ::motor_hub::tasks::bridges::run(sensors, &WIRES, &HEALTH).await
         }
 
         #[::embassy_executor::task]

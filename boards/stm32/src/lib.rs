@@ -67,8 +67,6 @@ pub trait Calibrate {
     async fn calibrate(&self) {}
 }
 
-impl Calibrate for () {}
-
 /// Returns the control period of an image: the number of milliseconds in the text, 1 to 100, or 50 ms without a text.
 ///
 /// # Panics

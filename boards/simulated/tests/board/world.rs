@@ -1,7 +1,8 @@
 //! Plants and devices behind the board's traits: bridges, pins, servos, analog inputs and the inertial sensor.
 
 use crate::{board, scenario};
-use motor_hub::board::{BridgeFaults, Bridges, Devices, ServoPulse};
+use embassy_futures::block_on;
+use motor_hub::board::{BridgeSensors, Bridges, Devices, ServoPulse};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2, Seconds};
@@ -23,7 +24,10 @@ fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_unti
         let drive = if share == 0.0 { Drive::COAST } else { drive };
         board.apply(&[drive, drive, Drive::COAST, Drive::COAST]);
         let flows = board.run(Seconds(0.05), &[0.0; 2]);
-        (board.faults(), [flows[0].charge.0 > 1e-3, flows[1].charge.0 > 1e-3])
+        (
+            block_on(board.sample()).map(|bridge| bridge.fault),
+            [flows[0].charge.0 > 1e-3, flows[1].charge.0 > 1e-3],
+        )
     };
     let (sound, fault) = ([false; MOTORS], [false, true, false, false]);
     assert_eq!(run(0.879), (sound, [true, true]));

@@ -4,31 +4,32 @@
 use super::adc::H7;
 use super::analog::connect;
 use crate::Calibrate;
+use crate::bridge_faults::DiagLines;
 use crate::two_converters::{calibrate, power_up, restart};
 use embassy_stm32::adc::AnyAdcChannel;
 use embassy_stm32::pac::adc::vals::SampleTime;
 use embassy_stm32::peripherals::ADC2;
 use embassy_stm32::{Peri, pac};
 use embassy_time::Timer;
-use motor_hub::board::CurrentSense;
-use motor_hub::bridge::SenseScale;
-use motor_hub::units::Milliamperes;
+use motor_hub::board::BridgeSensors;
+use motor_hub::bridge::{BridgeFeedback, SenseScale};
 
 /// Four conversions of 64.5 + 8.5 cycles at 16 MHz take 18 us.
 const WAIT_MICROS: u64 = 40;
 
-/// ADC2 with up to four pins.
+/// ADC2 with up to four pins, and the DIAG lines of the same bridges.
 pub struct CurrentLines<const N: usize> {
     pins: [AnyAdcChannel<'static, ADC2>; N],
+    diag: DiagLines<N>,
 }
 
 impl<const N: usize> CurrentLines<N> {
     /// Sets the converter up, after ADC1, which shares clock and reset. It converts nothing before its calibration. The pins
     /// are in the order of the motors.
-    pub fn new(_: Peri<'static, ADC2>, pins: [AnyAdcChannel<'static, ADC2>; N]) -> Self {
+    pub fn new(_: Peri<'static, ADC2>, pins: [AnyAdcChannel<'static, ADC2>; N], diag: DiagLines<N>) -> Self {
         const { assert!(N > 0 && N <= 4) };
         power_up(pac::ADC2);
-        Self { pins }
+        Self { pins, diag }
     }
 }
 
@@ -45,14 +46,15 @@ impl<const N: usize> Calibrate for CurrentLines<N> {
     }
 }
 
-impl<const N: usize> CurrentSense<N> for CurrentLines<N> {
-    async fn sample(&mut self) -> [Option<Milliamperes>; N] {
+impl<const N: usize> BridgeSensors<N> for CurrentLines<N> {
+    async fn sample(&mut self) -> [BridgeFeedback; N] {
         // Discards readings that came too late for the last sample. They would be taken for currents of other motors.
         restart(pac::ADC2);
         Timer::after_micros(WAIT_MICROS).await;
-        if !pac::ADC2.isr().read().eos() {
-            return [None; N];
-        }
-        core::array::from_fn(|_| Some(SenseScale::VNH5019_CARRIER.current(pac::ADC2.dr().read().rdata(), 16)))
+        let has_converted = pac::ADC2.isr().read().eos();
+        core::array::from_fn(|bridge| {
+            let reading = || SenseScale::VNH5019_CARRIER.current(pac::ADC2.dr().read().rdata(), 16);
+            BridgeFeedback { current: has_converted.then(reading), fault: self.diag.has_fault(bridge) }
+        })
     }
 }
