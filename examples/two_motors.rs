@@ -7,7 +7,7 @@
 use embassy_futures::join::join5;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
-use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{Bridges, Encoders, SupplyAdc};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::hub::{Command, Hub};
@@ -62,10 +62,6 @@ impl Bridges<2> for &Board {
     }
 }
 
-impl Watchdog for &Board {
-    fn feed(&mut self) {}
-}
-
 impl Board {
     fn new() -> Self {
         let motor = characterised("AM 60 A").expect("in the catalogue");
@@ -92,7 +88,7 @@ fn main() {
         tasks::supply::run(&board, Supply::new(Limits::default()), &wires, &health),
         tasks::control::run(&mut hub, &wires, &health),
         tasks::output::run(&board, Period::DEFAULT, &wires, &health),
-        tasks::health::run(&board, &health),
+        tasks::health::run(|| (), &health),
     ));
 
     // Any task may send commands. Motor 0 turns forward, and motor 1 moves to a position and holds it.

@@ -2,7 +2,7 @@
 //!
 //! | trait | needed by |
 //! |---|---|
-//! | [`Encoders`], [`SupplyAdc`], [`Bridges`], [`Watchdog`] | every board |
+//! | [`Encoders`], [`SupplyAdc`], [`Bridges`] | every board |
 //! | [`BridgeSensors`] | boards that can read fault outputs or current-sense lines of their bridges |
 //! | [`Devices`] | boards with digital pins, servo outputs or analog inputs for the host |
 //! | `I2cBus` (feature `tasks`) | boards with I2C buses for the host |
@@ -156,10 +156,4 @@ pub trait I2cBus: embedded_hal_async::i2c::I2c {
     ///
     /// Must return within 2 ms, also if a device holds SCL or SDA.
     async fn recover(&mut self);
-}
-
-/// A watchdog that resets the chip unless it is fed within its time-out. A reset opens all bridges.
-pub trait Watchdog {
-    /// Restarts the watchdog's time-out.
-    fn feed(&mut self);
 }

@@ -2,7 +2,7 @@
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
-use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{Bridges, Encoders, SupplyAdc};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeFeedback, Drive, Mode};
 use motor_hub::hub::{Command, Hub, Snapshot};
@@ -65,12 +65,6 @@ impl Bridges<N> for &World {
     }
 }
 
-impl Watchdog for &World {
-    fn feed(&mut self) {
-        self.fed.borrow_mut().push(now_ms());
-    }
-}
-
 impl World {
     fn last_drives(&self) -> [Drive; N] {
         self.applied.borrow().last().expect("at least the first coast").1
@@ -130,7 +124,11 @@ impl Parts {
             (Task::Control, never(async move { tasks::control::run(&mut hub, wires, health).await })),
             (Task::Output, never(tasks::output::run(world, *period, wires, health))),
         ];
-        Board { tasks, health: never(tasks::health::run(world, health)), woken: Arc::default() }
+        Board {
+            tasks,
+            health: never(tasks::health::run(|| world.fed.borrow_mut().push(now_ms()), health)),
+            woken: Arc::default(),
+        }
     }
 
     fn send(&self, motor: usize, setpoint: Setpoint) {

@@ -3,7 +3,6 @@
 //!
 //! The store task and the update task do not check in, because both may wait for a host or for a slow flash.
 
-use crate::board::Watchdog;
 use core::cell::Cell;
 use embassy_sync::blocking_mutex::CriticalSectionMutex;
 use embassy_time::{Duration, Ticker};
@@ -87,16 +86,17 @@ impl Health {
 /// Interval at which the supervision checks whether all expected tasks have checked in.
 pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Runs the task. Never returns.
+/// Runs the task. Never returns. `feed` restarts the time-out of a watchdog, which resets the chip when the time is
+/// over. A reset opens all bridges.
 ///
 /// If an expected task does not check in within the watchdog's time-out, the watchdog resets the chip. Control checks
 /// in once per control period, so the time-out must be clearly longer than the longest period (100 ms).
-pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
+pub async fn run(mut feed: impl FnMut(), health: &Health) -> ! {
     let mut ticker = Ticker::every(HEALTH_INTERVAL);
     loop {
         ticker.next().await;
         if health.take_if_all() {
-            watchdog.feed();
+            feed();
             health.rounds.lock(|rounds| rounds.set(rounds.get().saturating_add(1)));
         }
     }

@@ -120,7 +120,7 @@ pub(crate) fn tasks<'a>(
             tasks::supply::run(board.clone(), supply, wires, health),
             tasks::control::run(&mut hub, wires, health),
             tasks::output::run(board.clone(), period, wires, health),
-            tasks::health::run(board.clone(), health),
+            tasks::health::run(|| board.feed_watchdog(), health),
         );
         let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
         let transfers =

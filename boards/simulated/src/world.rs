@@ -24,7 +24,7 @@ use crate::sim::STEP_S;
 use embassy_time::Timer;
 use motor_hub::board::{
     ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeSensors, Bridges, DIGITAL_PINS, Devices, Encoders,
-    Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
+    Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc,
 };
 use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive, SenseScale};
 use motor_hub::group::Pose;
@@ -227,6 +227,11 @@ impl Board {
 
     pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {
         act(&mut self.0.borrow_mut().i2c)
+    }
+
+    /// Restarts the time-out of the watchdog.
+    pub(crate) fn feed_watchdog(&self) {
+        self.0.borrow_mut().unfed_s = 0.0;
     }
 
     /// Lets time pass under external torques in newton metres, one for each motor.
@@ -432,10 +437,4 @@ impl Devices for Board {
 /// Bit of a digital pin; 0 beyond the eighth pin.
 fn bit(pin: u8) -> u8 {
     1u8.checked_shl(pin.into()).unwrap_or(0)
-}
-
-impl Watchdog for Board {
-    fn feed(&mut self) {
-        self.0.borrow_mut().unfed_s = 0.0;
-    }
 }

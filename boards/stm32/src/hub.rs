@@ -93,7 +93,8 @@ macro_rules! hub {
 
         type Encoders =
             $crate::encoders::QuadratureCounters<($($crate::encoders::Counter<::embassy_stm32::peripherals::$encoder>,)+)>;
-        type Watchdog = $crate::watchdog::IndependentWatchdog<::embassy_stm32::peripherals::$watchdog>;
+        type Watchdog =
+            ::embassy_stm32::wdg::IndependentWatchdog<'static, ::embassy_stm32::peripherals::$watchdog>;
         type Bridges = $crate::vnh5019::Vnh5019<::embassy_stm32::peripherals::$pwm, MOTORS>;
 
         /// The drivers of this board.
@@ -126,7 +127,7 @@ macro_rules! hub {
         fn begin(watchdog: ::embassy_stm32::Peri<'static, ::embassy_stm32::peripherals::$watchdog>) -> Watchdog {
             use ::embassy_stm32::pac;
             $crate::status::started(env!("CARGO_PKG_NAME"));
-            let watchdog = Watchdog::start(watchdog);
+            let watchdog = $crate::watchdog::start(watchdog);
             let (memory, cause) = (::defmt::unwrap!($crate::record::memory()), $crate::chip::reset_cause());
             if $crate::chip::RAM_HAS_ERROR_CODE && cause == ::motor_hub::record::Fault::PowerOn {
                 memory.fill(0);
@@ -234,8 +235,8 @@ macro_rules! hub {
         }
 
         #[::embassy_executor::task]
-        async fn health(watchdog: Watchdog) -> ! {
-            ::motor_hub::tasks::health::run(watchdog, &HEALTH).await
+        async fn health(mut watchdog: Watchdog) -> ! {
+            ::motor_hub::tasks::health::run(move || watchdog.pet(), &HEALTH).await
         }
 
         #[::embassy_executor::task]

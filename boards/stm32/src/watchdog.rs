@@ -1,8 +1,7 @@
 //! The independent watchdog: resets the chip, which opens the bridges, unless it is fed.
 
 use embassy_stm32::Peri;
-use embassy_stm32::wdg::{self, Instance};
-use motor_hub::board::Watchdog;
+use embassy_stm32::wdg::{IndependentWatchdog, Instance};
 
 /// Nominal time-out in microseconds: five of the longest control periods (100 ms). Every expected task must check in
 /// once within the time-out.
@@ -11,20 +10,9 @@ use motor_hub::board::Watchdog;
 /// is 0.34 to 0.94 s. It has 29.4 to 33.6 kHz in an STM32H7, so the time-out is 0.48 to 0.54 s.
 const TIMEOUT_MICROS: u32 = 500_000;
 
-/// The watchdog, running.
-pub struct IndependentWatchdog<T: Instance + 'static>(wdg::IndependentWatchdog<'static, T>);
-
-impl<T: Instance + 'static> IndependentWatchdog<T> {
-    /// Starts the watchdog. Only a reset stops it.
-    pub fn start(iwdg: Peri<'static, T>) -> Self {
-        let mut watchdog = wdg::IndependentWatchdog::new(iwdg, TIMEOUT_MICROS);
-        watchdog.unleash();
-        Self(watchdog)
-    }
-}
-
-impl<T: Instance + 'static> Watchdog for IndependentWatchdog<T> {
-    fn feed(&mut self) {
-        self.0.pet();
-    }
+/// Starts the watchdog. Only a reset stops it.
+pub fn start<T: Instance + 'static>(iwdg: Peri<'static, T>) -> IndependentWatchdog<'static, T> {
+    let mut watchdog = IndependentWatchdog::new(iwdg, TIMEOUT_MICROS);
+    watchdog.unleash();
+    watchdog
 }
