@@ -140,7 +140,7 @@ impl<F: NorFlash> Keeper<F> {
     ///
     /// The map cannot recognise a page that is erased in part. The map would treat the page as blank, or as one of the
     /// two pages of an interrupted move.
-    async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
+    async fn repair(&mut self) -> Result<(), FlashError> {
         // For each page in use, true if the page is full; `None` for a page that is blank or has been erased here.
         let mut in_use = [None; 2];
         let pages = self.pages();
@@ -242,7 +242,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Reads both copies. If neither can be read, but a save was completed, the state is [`Stored::Damaged`].
-    async fn copies(&mut self) -> Result<Found, Error<FlashError<F::Error>>> {
+    async fn copies(&mut self) -> Result<Found, Error<FlashError>> {
         let (mut map, buffer) = self.map();
         let mut found = Found::default();
         for copy in COPY_KEYS {
@@ -266,7 +266,7 @@ struct PageContent {
 
 /// Converts the result of reading the copies to contents of the memory. `None` if the map must erase a page first, and
 /// motors are not off.
-fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
+fn found(copies: Result<Found, Error<FlashError>>) -> Option<Found> {
     match copies {
         Ok(found) => Some(found),
         Err(Error::Storage { value: FlashError::MayNotErase, .. }) => None,
@@ -277,7 +277,7 @@ fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
 }
 
 /// Converts an error of the map to the outcome of a request.
-const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
+const fn outcome(error: &Error<FlashError>) -> Outcome {
     match error {
         Error::Storage { value, .. } => value.outcome(),
         _ => Outcome::Refused,
@@ -301,14 +301,14 @@ const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {
     /// True if the word at this address is marked.
-    async fn is_marked(&mut self, address: u32) -> Result<bool, FlashError<F::Error>> {
+    async fn is_marked(&mut self, address: u32) -> Result<bool, FlashError> {
         let mut word = [0xFF; WORD_BYTES];
         self.read(address, word.get_mut(..F::READ_SIZE).unwrap_or_default()).await?;
         Ok(word.iter().map(|byte| byte.count_zeros()).sum::<u32>() >= MARK_BITS)
     }
 
     /// True if all bytes of a page are 0xFF.
-    async fn is_blank(&mut self, page: &Range<u32>) -> Result<bool, FlashError<F::Error>> {
+    async fn is_blank(&mut self, page: &Range<u32>) -> Result<bool, FlashError> {
         let mut word = [0; WORD_BYTES];
         for at in page.clone().step_by(WORD_BYTES) {
             self.read(at, &mut word).await?;
@@ -322,14 +322,18 @@ impl<F: NorFlash> SharedFlash<F> {
 
 /// Why the flash refused an operation.
 #[derive(Debug)]
-enum FlashError<E> {
+enum FlashError {
     /// No page may be erased, because motors run or a page is hidden.
     MayNotErase,
-    /// The flash reports an error.
-    Flash(E),
+    /// The flash reports an error of this kind.
+    Flash(NorFlashErrorKind),
 }
 
-impl<E> FlashError<E> {
+impl FlashError {
+    fn of(error: impl NorFlashError) -> Self {
+        Self::Flash(error.kind())
+    }
+
     /// Converts the error to the outcome of a request.
     const fn outcome(&self) -> Outcome {
         match self {
@@ -339,17 +343,17 @@ impl<E> FlashError<E> {
     }
 }
 
-impl<E: NorFlashError> NorFlashError for FlashError<E> {
+impl NorFlashError for FlashError {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
             Self::MayNotErase => NorFlashErrorKind::Other,
-            Self::Flash(error) => error.kind(),
+            Self::Flash(kind) => *kind,
         }
     }
 }
 
 impl<F: NorFlash> ErrorType for SharedFlash<F> {
-    type Error = FlashError<F::Error>;
+    type Error = FlashError;
 }
 
 impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
@@ -363,7 +367,7 @@ impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
             bytes.fill(0xFF);
             return Ok(());
         }
-        self.flash.read(offset, bytes).await.map_err(FlashError::Flash)
+        self.flash.read(offset, bytes).await.map_err(FlashError::of)
     }
 
     fn capacity(&self) -> usize {
@@ -379,12 +383,12 @@ impl<F: NorFlash> NorFlash for SharedFlash<F> {
         if !self.may_erase || self.visible.is_some() {
             return Err(FlashError::MayNotErase);
         }
-        self.flash.erase(from, to).await.map_err(FlashError::Flash)
+        self.flash.erase(from, to).await.map_err(FlashError::of)
     }
 
     async fn write(&mut self, mut offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
         for word in bytes.chunks(F::WRITE_SIZE) {
-            self.flash.write(offset, word).await.map_err(FlashError::Flash)?;
+            self.flash.write(offset, word).await.map_err(FlashError::of)?;
             offset += F::WRITE_SIZE as u32;
             yield_now().await;
         }
