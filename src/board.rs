@@ -103,25 +103,6 @@ pub trait Devices {
     fn analog(&mut self) -> AnalogReadings;
 }
 
-/// Borrowed devices.
-impl<T: Devices + ?Sized> Devices for &mut T {
-    fn equipment(&self) -> Equipment {
-        (**self).equipment()
-    }
-
-    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
-        (**self).update_digital_pins(driven, levels)
-    }
-
-    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
-        (**self).set_servos(servos);
-    }
-
-    fn analog(&mut self) -> AnalogReadings {
-        (**self).analog()
-    }
-}
-
 /// A board without devices for hosts.
 impl Devices for () {
     fn equipment(&self) -> Equipment {

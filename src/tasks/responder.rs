@@ -44,12 +44,12 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a
 /// receiver on a chip needs its own buffer.
 ///
-/// A board without devices for hosts passes `()` as `devices`. `show` receives the colour of the status LED at each
+/// A board without devices for hosts passes `&mut ()` as `devices`. `show` receives the colour of the status LED at each
 /// update, also if the colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
-    devices: impl Devices,
+    devices: &mut impl Devices,
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
     show: impl FnMut(Colour),
@@ -131,7 +131,7 @@ const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
-    devices: impl Devices,
+    devices: &mut impl Devices,
     wires: &Wires<M, N>,
     show: impl FnMut(Colour),
 ) -> ! {
@@ -141,7 +141,7 @@ pub async fn attend<M: RawMutex, const N: usize>(
 /// The responder with its devices, the other tasks and the LED.
 struct Service<'a, M: RawMutex, const N: usize, D, S> {
     responder: &'a mut Responder<N>,
-    devices: D,
+    devices: &'a mut D,
     wires: &'a Wires<M, N>,
     /// Receives the colour of the status LED.
     show: S,
@@ -151,7 +151,7 @@ struct Service<'a, M: RawMutex, const N: usize, D, S> {
 }
 
 impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, M, N, D, S> {
-    fn new(responder: &'a mut Responder<N>, devices: D, wires: &'a Wires<M, N>, show: S) -> Self {
+    fn new(responder: &'a mut Responder<N>, devices: &'a mut D, wires: &'a Wires<M, N>, show: S) -> Self {
         let snapshots = wires.snapshot.anon_receiver();
         Self { responder, devices, wires, show, snapshots, snapshot: Snapshot::INITIAL }
     }

@@ -154,7 +154,8 @@ impl World {
             self.shown.set(colour);
             self.times_shown.set(self.times_shown.get() + 1);
         };
-        tasks::responder::run(&self.to_hub, &self.line, &self.pins, &mut responder, &self.wires, show).await;
+        tasks::responder::run(&self.to_hub, &self.line, &mut &self.pins, &mut responder, &self.wires, show)
+            .await;
     }
 
     fn send(&self, mut bytes: &[u8]) {
@@ -567,8 +568,9 @@ fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
     let world = World::new();
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     let rough = Rough { errors: 5, pipe: &world.to_hub };
-    let mut responder = responder();
-    let mut task = pin!(tasks::responder::run(rough, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let (mut responder, devices) = (responder(), &mut ());
+    let mut task =
+        pin!(tasks::responder::run(rough, &world.line, devices, &mut responder, &world.wires, |_| ()));
     run_ms(&mut task, 4);
     MockDriver::get().advance(Duration::from_millis(1));
     assert!(poll(&mut task));
@@ -582,13 +584,14 @@ fn between_connections_the_timer_runs_on() {
     world.drive_motor_0();
     let connection = Rough { errors: 0, pipe: &world.to_hub };
     {
+        let devices = &mut ();
         let session =
-            tasks::responder::run(connection, &world.line, (), &mut responder, &world.wires, |_| ());
+            tasks::responder::run(connection, &world.line, devices, &mut responder, &world.wires, |_| ());
         assert!(poll(&mut pin!(session)));
     }
     assert_eq!(world.new_commands().len(), 1);
     let mut task = pin!(async {
-        tasks::responder::attend(&mut responder, (), &world.wires, |_| ()).await;
+        tasks::responder::attend(&mut responder, &mut (), &world.wires, |_| ()).await;
     });
     run_ms(&mut task, 2500);
     assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));

@@ -196,8 +196,8 @@ impl Served {
                 self.led.set(colour);
                 self.health.check_in(Task::Responder);
             };
-            let pins = self.board.clone();
-            responder::run(host, host, pins, &mut hub, &self.wires, show).await;
+            let mut pins = self.board.clone();
+            responder::run(host, host, &mut pins, &mut hub, &self.wires, show).await;
         };
         let keep = async move {
             match memory.and_then(Memory::keeper) {
