@@ -51,6 +51,28 @@ fn a_heavy_unknown_motor_that_hardly_starts_has_a_sound_encoder() {
 }
 
 #[test]
+fn a_heavy_unknown_motor_that_is_reversed_before_its_first_count_has_a_sound_encoder() {
+    let free = free_cps(&motor("Matrix C"));
+    for times in [8.0, 10.0] {
+        for period_ms in [10, 20, 50] {
+            for (at_counts, started_ms) in [(0.02, 20), (0.02, 55), (0.98, 20), (0.98, 55), (0.98, 90)] {
+                let mut bench = bench("Matrix C", rotors(&motor("Matrix C"), times), period_ms, at_counts);
+                bench.sample();
+                bench.set(0, velocity((-0.156 * free) as i32));
+                bench.run_ms(started_ms);
+                bench.set(0, velocity((0.255 * free) as i32));
+                for _ in 0..200 {
+                    bench.run_ms(10);
+                    let report = bench.report();
+                    let context = format!("{times}, {period_ms} ms, from {at_counts}, {started_ms} ms");
+                    assert_eq!((report.faults.encoder, report.stalled), (None, false), "{context}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_heavy_unknown_motor_in_a_long_reversal_has_a_sound_encoder() {
     for (name, times) in
         [("AM 40 C", 300.0), ("AM 60 B", 300.0), ("Matrix A", 100.0), ("Matrix B", 30.0), ("Matrix C", 30.0)]

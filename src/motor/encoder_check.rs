@@ -60,7 +60,7 @@
 //! | turned steadily, then silent | 250 ms, with a control period of any length |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
 //! | has a least gain, but is slow-counting or heavy | more than 250 ms, until the expected distance is reached |
-//! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
+//! | without a least gain, last turned, or first driven, in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
 //! | without a least gain, has toggled a few times | 1 s: a heavy motor may take 0.8 s to start |
 //! | without a least gain and slow-counting | some 4 s |
 //! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
@@ -297,8 +297,12 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
             (expected.accelerate(ms, acceleration, speed), EXPECTED_COUNTS)
         }
     };
-    expected.driven_ms =
-        if drive_volts > Expected::FRICTION_VOLTS { expected.driven_ms.saturating_add(ms) } else { 0 };
+    if drive_volts > Expected::FRICTION_VOLTS {
+        expected.driven_ms = expected.driven_ms.saturating_add(ms);
+        last_motion.assume_driven(clockwise);
+    } else {
+        expected.driven_ms = 0;
+    }
     let too_few = expected.ms >= EncoderCheck::SILENCE_MS && expected.distance_counts >= counts;
     let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
     if !too_few && !timed_out {

@@ -120,9 +120,18 @@ impl LastMotion {
         self.sampled_at.wrapping_sub(self.moved_at)
     }
 
-    /// Direction of the last motion; `None` before the first motion.
+    /// Direction of the last motion. Before the first motion the first direction of
+    /// [`assume_driven`](Self::assume_driven), or `None`.
     pub(super) const fn clockwise(&self) -> Option<bool> {
         self.clockwise
+    }
+
+    /// Assumes that the voltage turns the motor in this direction, if there was no motion yet. A heavy motor may turn by
+    /// less than a count before its direction is reversed.
+    pub(super) const fn assume_driven(&mut self, clockwise: bool) {
+        if self.clockwise.is_none() {
+            self.clockwise = Some(clockwise);
+        }
     }
 
     /// True if the shaft may *creep*: a heavy motor may be starting to move. The silence then has many samples and a
