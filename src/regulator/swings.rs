@@ -74,11 +74,10 @@ impl Swings {
         if side == self.side || self.half_swings == i8::MAX {
             return None;
         }
-        let (share, least) = match demand {
-            Demand::Velocity(_) => (Self::LEAST_ERROR_SHARE, Self::LEAST_ERROR_CPS),
-            Demand::Position { .. } | Demand::Follow(_) => {
-                (Self::LEAST_POSITION_ERROR_SHARE, Self::LEAST_POSITION_ERROR_CPS)
-            }
+        let (share, least) = if let Demand::Velocity(_) = demand {
+            (Self::LEAST_ERROR_SHARE, Self::LEAST_ERROR_CPS)
+        } else {
+            (Self::LEAST_POSITION_ERROR_SHARE, Self::LEAST_POSITION_ERROR_CPS)
         };
         let limit = at_least(share * wanted.abs(), least);
         if error.abs() <= limit {
@@ -87,7 +86,7 @@ impl Swings {
         let short = self.age_ms <= Self::SHORT_HALF_SWING_MS.max(4 * period_ms);
         self.half_swings = match self.side {
             0 => 0,
-            _ if short => self.half_swings.max(0).saturating_add(1).min(Self::MOST_HALF_SWINGS + 1),
+            _ if short => (self.half_swings.max(0) + 1).min(Self::MOST_HALF_SWINGS + 1),
             _ => (self.half_swings.min(0) - 1).max(-Self::MOST_HALF_SWINGS - 1),
         };
         (self.side, self.age_ms) = (side, 0);
