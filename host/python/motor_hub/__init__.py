@@ -18,6 +18,7 @@ motors by itself. The next command and the block's end then raise ``HubError``. 
 hub, disables the motors and closes the line.
 
 Units are encoder counts, counts/s, amperes, volts and seconds. Positive values turn a motor clockwise (CW).
+Counts and counts/s are rounded to whole numbers.
 """
 
 from __future__ import annotations
@@ -316,11 +317,11 @@ class Hub:
 
     async def together(
         self,
-        targets: Mapping[int, int],
+        targets: Mapping[int, float],
         *,
-        speed: int = 1000,
-        acceleration: int = 2000,
-        tolerance: int | None = None,
+        speed: float = 1000,
+        acceleration: float = 2000,
+        tolerance: float | None = None,
         timeout: float | None = None,
     ) -> None:
         """Moves motors in step to positions in counts, and returns once all of them have settled.
@@ -395,7 +396,7 @@ class Hub:
         """Returns the members that have got another command since this motion."""
         return [member for member in members if self._motions.get(member) is not motion]
 
-    async def together_at(self, speeds: Mapping[int, int], *, acceleration: int = 2000) -> None:
+    async def together_at(self, speeds: Mapping[int, float], *, acceleration: float = 2000) -> None:
         """Turns motors in step at speeds in counts/s, until another command follows."""
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
@@ -563,15 +564,15 @@ class Motor:
         """Applies a constant share of full power, -1 to 1."""
         await self._command(self._hub._link.power, share)
 
-    async def velocity(self, velocity: int) -> None:
+    async def velocity(self, velocity: float) -> None:
         """Regulates the velocity, in counts/s, -32768 to 32767."""
         await self._command(self._hub._link.velocity, velocity)
 
-    async def position(self, position: int, *, speed: int = 1000, tolerance: int = 10) -> None:
+    async def position(self, position: float, *, speed: float = 1000, tolerance: float = 10) -> None:
         """Regulates the position, in counts, at a speed of at most ``speed`` counts/s. Returns before the motor arrives."""
         await self._command(self._hub._link.position, position, speed, tolerance)
 
-    async def current(self, current: float, *, speed: int) -> None:
+    async def current(self, current: float, *, speed: float) -> None:
         """Holds a constant current in A, -65.535 to 65.535, while the motor is slower than ``speed`` in counts/s."""
         await self._command(self._hub._link.current, current, speed)
 
@@ -623,7 +624,7 @@ class Motor:
                 "first, by power(0) or velocity(0), or reset the encoder after the block"
             )
 
-    async def identify(self, travel: int = 2**32 - 1, *, apply: bool = False) -> Identified:
+    async def identify(self, travel: float = 2**32 - 1, *, apply: bool = False) -> Identified:
         """Finds the constants of the motor with its load, in some 3 s. The motor turns both ways.
 
         ``travel`` limits the motion in counts either way. With ``apply`` the hub regulates the motor by the result until

@@ -2,7 +2,8 @@
 //! global interpreter lock while they wait.
 //!
 //! `motor_hub/__init__.py` calls these functions in a thread, and offers them as an asyncio interface. Numbers arrive
-//! from Python as `Whole` or `Real`: a number out of range raises a `ValueError` that names the value and the range.
+//! from Python as `Whole` or `Real`: a value that is out of range, or a `Real` that is no number, raises a `ValueError`
+//! that names the value and the range.
 
 mod reading;
 
@@ -61,7 +62,7 @@ impl From<Error> for Failure {
     }
 }
 
-/// A whole number from Python, limited to 64 bits. The ranges of all quantities are far smaller.
+/// A motor's number from Python, limited to 64 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Whole(i64);
 
@@ -73,15 +74,28 @@ impl FromPyObject<'_, '_> for Whole {
     }
 }
 
-/// A number from Python. An integer that is too large for a float becomes an infinity.
-#[derive(Clone, Copy)]
-struct Real(f64);
+/// A quantity from Python. An integer that is too large for a float becomes an infinity.
+struct Real {
+    /// NaN, which is in no range, if Python gives no number.
+    value: f64,
+    /// What Python gives, for the text of an error.
+    given: String,
+}
 
 impl FromPyObject<'_, '_> for Real {
     type Error = PyErr;
 
     fn extract(number: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
-        limited(number.extract(), number, [f64::NEG_INFINITY, f64::INFINITY]).map(Self)
+        match limited(number.extract(), number, [f64::NEG_INFINITY, f64::INFINITY]) {
+            Ok(value) => Ok(Self { value, given: value.to_string() }),
+            Err(_) => Ok(Self { value: f64::NAN, given: number.repr()?.to_string() }),
+        }
+    }
+}
+
+impl Display for Real {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str(&self.given)
     }
 }
 
@@ -106,10 +120,12 @@ impl Display for Whole {
     }
 }
 
-/// Checks a number from Python. The error names the quantity, the number and the range.
-fn within<T: TryFrom<i64>>(name: &str, value: Whole, least: i64, most: i64, unit: &str) -> PyResult<T> {
-    let fits = T::try_from(value.0).ok().filter(|_| (least..=most).contains(&value.0));
-    fits.ok_or_else(|| outside(name, value, least, most, unit))
+/// Checks a quantity from Python, and rounds the quantity to a whole number. The error names the quantity, what is given
+/// and the range.
+fn within<T: TryFrom<i64>>(name: &str, quantity: &Real, least: i64, most: i64, unit: &str) -> PyResult<T> {
+    let rounded = Some(quantity.value.round()).filter(|value| (least as f64..=most as f64).contains(value));
+    let whole = rounded.and_then(|value| T::try_from(value as i64).ok());
+    whole.ok_or_else(|| outside(name, quantity, least, most, unit))
 }
 
 fn outside(name: &str, value: impl Display, least: impl Display, most: impl Display, unit: &str) -> PyErr {
@@ -119,11 +135,12 @@ fn outside(name: &str, value: impl Display, least: impl Display, most: impl Disp
 }
 
 fn channel(motor: Whole) -> PyResult<u8> {
-    within("motor", motor, 0, CHANNELS as i64 - 1, "")
+    let number = u8::try_from(motor.0).ok().filter(|number| usize::from(*number) < CHANNELS);
+    number.ok_or_else(|| outside("motor", motor, 0, CHANNELS - 1, ""))
 }
 
 /// Checks a speed limit in counts/s.
-fn speed_limit<T: TryFrom<i64>>(cps: Whole) -> PyResult<T> {
+fn speed_limit<T: TryFrom<i64>>(cps: &Real) -> PyResult<T> {
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| i64::from(*cps));
     within("speed", cps, least, most, "counts/s")
 }
@@ -241,17 +258,17 @@ impl Link {
 
     /// Sets constant power as a share of full power, -1 to 1.
     fn power(&self, py: Python<'_>, motor: Whole, share: Real) -> PyResult<()> {
-        let (motor, share) = (channel(motor)?, share.0);
-        if !(-1.0..=1.0).contains(&share) {
+        let motor = channel(motor)?;
+        if !(-1.0..=1.0).contains(&share.value) {
             return Err(outside("power", share, -1, 1, "of full power"));
         }
-        let power = Control::saturating((share * f64::from(Control::MAX.get())).round() as i64);
+        let power = Control::saturating((share.value * f64::from(Control::MAX.get())).round() as i64);
         self.set_setpoint(py, motor, Setpoint::Power(power))
     }
 
-    fn velocity(&self, py: Python<'_>, motor: Whole, cps: Whole) -> PyResult<()> {
+    fn velocity(&self, py: Python<'_>, motor: Whole, cps: Real) -> PyResult<()> {
         let motor = channel(motor)?;
-        let cps = within("velocity", cps, i16::MIN.into(), i16::MAX.into(), "counts/s")?;
+        let cps = within("velocity", &cps, i16::MIN.into(), i16::MAX.into(), "counts/s")?;
         self.set_setpoint(py, motor, Setpoint::Velocity(cps))
     }
 
@@ -259,22 +276,23 @@ impl Link {
         &self,
         py: Python<'_>,
         motor: Whole,
-        counts: Whole,
-        speed: Whole,
-        tolerance: Whole,
+        counts: Real,
+        speed: Real,
+        tolerance: Real,
     ) -> PyResult<()> {
         let motor = channel(motor)?;
-        let counts = within("position", counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
-        let speed_limit = speed_limit(speed)?;
-        let tolerance = within("tolerance", tolerance, 0, u16::MAX.into(), "counts")?;
+        let counts = within("position", &counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
+        let speed_limit = speed_limit(&speed)?;
+        let tolerance = within("tolerance", &tolerance, 0, u16::MAX.into(), "counts")?;
         self.set_setpoint(py, motor, Setpoint::Position { counts, tolerance, speed_limit })
     }
 
     /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
-    fn current(&self, py: Python<'_>, motor: Whole, amperes: Real, speed: Whole) -> PyResult<()> {
+    fn current(&self, py: Python<'_>, motor: Whole, amperes: Real, speed: Real) -> PyResult<()> {
         let motor = channel(motor)?;
-        let ma = constant_current_ma(amperes.0).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let speed_limit = speed_limit(speed)?;
+        let ma =
+            constant_current_ma(amperes.value).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let speed_limit = speed_limit(&speed)?;
         self.set_setpoint(py, motor, Setpoint::Current { ma, speed_limit })
     }
 
@@ -322,9 +340,9 @@ impl Link {
     }
 
     /// Starts an identification. Returns the largest travel in counts in either direction.
-    fn identify(&self, py: Python<'_>, motor: Whole, travel: Whole) -> PyResult<u32> {
+    fn identify(&self, py: Python<'_>, motor: Whole, travel: Real) -> PyResult<u32> {
         let motor = channel(motor)?;
-        let travel = within("travel", travel, 1, u32::MAX.into(), "counts")?;
+        let travel = within("travel", &travel, 1, u32::MAX.into(), "counts")?;
         self.run(py, |session| session.identify(motor, travel))
     }
 
@@ -374,9 +392,12 @@ impl Link {
         use_gyro: bool,
     ) -> PyResult<()> {
         let wheels = [channel(wheels.0)?, channel(wheels.1)?];
-        let counts_per_turn = <[Real; 2]>::from(counts_per_turn).map(|counts| counts.0);
-        let base =
-            DriveBase { wheel_diameter_mm: wheel_diameter_mm.0, track_mm: track_mm.0, counts_per_turn };
+        let counts_per_turn = <[Real; 2]>::from(counts_per_turn).map(|counts| counts.value);
+        let base = DriveBase {
+            wheel_diameter_mm: wheel_diameter_mm.value,
+            track_mm: track_mm.value,
+            counts_per_turn,
+        };
         let base = BaseSettings::new(wheels, &base, use_gyro);
         let base = base.map_err(|error| PyValueError::new_err(error.to_string()))?;
         self.run(py, |session| session.set_base(base))
@@ -413,15 +434,17 @@ impl Link {
         /// Largest distance of each wheel from `start` in counts. At a larger distance something else has moved the
         /// wheels since the last motion.
         const NEAR_COUNTS: u32 = 100;
-        let [by, speed, acceleration] = [by, speed, acceleration].map(|number| number.0);
-        for (name, value, unit) in [("speed", speed, "mm/s"), ("acceleration", acceleration, "mm/s²")] {
-            if !(0.001..=1e6).contains(&value) {
-                return Err(outside(name, value, 0.001, 1_000_000, unit));
+        for (name, given, unit) in [("speed", &speed, "mm/s"), ("acceleration", &acceleration, "mm/s²")] {
+            if !(0.001..=1e6).contains(&given.value) {
+                return Err(outside(name, given, 0.001, 1_000_000, unit));
             }
         }
-        let (name, unit, part) =
-            if turns { ("angle", "degrees", Part::Turn(by)) } else { ("distance", "mm", Part::Straight(by)) };
-        if !(-1e6..=1e6).contains(&by) {
+        let (name, unit, part) = if turns {
+            ("angle", "degrees", Part::Turn(by.value))
+        } else {
+            ("distance", "mm", Part::Straight(by.value))
+        };
+        if !(-1e6..=1e6).contains(&by.value) {
             return Err(outside(name, by, -1_000_000, 1_000_000, unit));
         }
         let Some(base) = self.run(py, Session::base_if_reported)? else {
@@ -435,7 +458,7 @@ impl Link {
         };
         let from = start.map(<[f64; 2]>::from).filter(is_near).unwrap_or(counts.map(f64::from));
         let (end, command) = part
-            .command(&base, from, speed, acceleration)
+            .command(&base, from, speed.value, acceleration.value)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
         let [left, _] = base.wheels;
         self.run(py, |session| session.move_together(left, command))?;
@@ -447,19 +470,19 @@ impl Link {
     fn together(
         &self,
         py: Python<'_>,
-        targets: BTreeMap<Whole, Whole>,
+        targets: BTreeMap<Whole, Real>,
         on: bool,
-        speed: Whole,
-        acceleration: Whole,
-        tolerance: Option<Whole>,
+        speed: Real,
+        acceleration: Real,
+        tolerance: Option<Real>,
     ) -> PyResult<()> {
         let fastest = i64::from(FASTEST_GROUP_CPS);
-        let speed: i32 = within("speed", speed, 1, fastest, "counts/s")?;
-        let acceleration: u32 = within("acceleration", acceleration, 1, u32::MAX.into(), "counts/s²")?;
+        let speed: i32 = within("speed", &speed, 1, fastest, "counts/s")?;
+        let acceleration: u32 = within("acceleration", &acceleration, 1, u32::MAX.into(), "counts/s²")?;
         let acceleration =
             Acceleration::new(acceleration).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let (mut places, mut speeds) = ([None; CHANNELS], [None; CHANNELS]);
-        for (&motor, &target) in &targets {
+        for (&motor, target) in &targets {
             let at = usize::from(channel(motor)?);
             if on {
                 let cps: i32 = within("speed", target, -fastest, fastest, "counts/s")?;
@@ -474,13 +497,9 @@ impl Link {
         };
         let course = if on { GroupCourse::Velocity(speeds) } else { GroupCourse::Position(places) };
         let usual = GroupCommand::new(course, CountsPerSecond::new(speed), acceleration);
-        let tolerance = within(
-            "tolerance",
-            tolerance.unwrap_or(Whole(DEFAULT_TOLERANCE.into())),
-            0,
-            u16::MAX.into(),
-            "counts",
-        )?;
+        let tolerance = tolerance.map_or(Ok(DEFAULT_TOLERANCE), |given| {
+            within("tolerance", &given, 0, u16::MAX.into(), "counts")
+        })?;
         let first = channel(first)?;
         self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
     }

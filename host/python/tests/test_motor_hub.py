@@ -349,12 +349,18 @@ class Recordings(WithHub):
 class BadInput(WithHub):
     async def test_numbers_out_of_range_are_errors_that_name_the_range(self) -> None:
         # A number may exceed 64 bits.
-        more, less = "9223372036854775807 or more", "-9223372036854775808 or less"
+        big, more = "18446744073709552000", "9223372036854775807 or more"
         base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
         with self.hub.enabled(0, 1):
             motor = self.hub[0]
             for command, text in [
                 (motor.velocity(40_000), "velocity is 40000; allowed are -32768 to 32767 counts/s"),
+                (motor.velocity(32767.5), "velocity is 32767.5; allowed are -32768 to 32767 counts/s"),
+                (motor.velocity(float("nan")), "velocity is NaN; allowed are -32768 to 32767 counts/s"),
+                (motor.velocity("fast"), "velocity is 'fast'; allowed are -32768 to 32767 counts/s"),
+                (motor.position(float("inf")), "position is inf; allowed are -2147483648 to 2147483647 counts"),
+                (motor.position(None), "position is None; allowed are -2147483648 to 2147483647 counts"),
+                (motor.power("full"), "power is 'full'; allowed are -1 to 1 of full power"),
                 (motor.power(1.1), "power is 1.1; allowed are -1 to 1 of full power"),
                 (motor.power(float("nan")), "power is NaN; allowed are -1 to 1 of full power"),
                 (motor.position(2**31), "position is 2147483648; allowed are -2147483648 to 2147483647 counts"),
@@ -362,12 +368,12 @@ class BadInput(WithHub):
                 (motor.current(0.1, speed=40_000), "speed is 40000; allowed are 1 to 32767 counts/s"),
                 (motor.current(2000.0, speed=100), "a current of 2000 A is out of range; allowed is -65.535 to 65.535 A"),
                 (motor.identify(travel=0), "travel is 0; allowed are 1 to 4294967295 counts"),
-                (motor.velocity(2**80), f"velocity is {more}; allowed are -32768 to 32767 counts/s"),
-                (motor.velocity(-(10**5000)), f"velocity is {less}; allowed are -32768 to 32767 counts/s"),
-                (motor.position(0, tolerance=2**64), f"tolerance is {more}; allowed are 0 to 65535 counts"),
-                (motor.identify(travel=2**64), f"travel is {more}; allowed are 1 to 4294967295 counts"),
-                (self.hub.together({0: 2**64}), f"target is {more}; allowed are -2147483648 to 2147483647 counts"),
-                (self.hub.together({0: 1}, acceleration=2**64), f"acceleration is {more}; allowed are 1 to 4294967295 counts/s²"),
+                (motor.velocity(2**64), f"velocity is {big}; allowed are -32768 to 32767 counts/s"),
+                (motor.velocity(-(10**5000)), "velocity is -inf; allowed are -32768 to 32767 counts/s"),
+                (motor.position(0, tolerance=2**64), f"tolerance is {big}; allowed are 0 to 65535 counts"),
+                (motor.identify(travel=2**64), f"travel is {big}; allowed are 1 to 4294967295 counts"),
+                (self.hub.together({0: 2**64}), f"target is {big}; allowed are -2147483648 to 2147483647 counts"),
+                (self.hub.together({0: 1}, acceleration=2**64), f"acceleration is {big}; allowed are 1 to 4294967295 counts/s²"),
                 (motor.power(10**400), "power is inf; allowed are -1 to 1 of full power"),
                 (motor.power(-(10**400)), "power is -inf; allowed are -1 to 1 of full power"),
                 (motor.current(10**400, speed=100), "a current of inf A is out of range; allowed is -65.535 to 65.535 A"),
@@ -382,6 +388,19 @@ class BadInput(WithHub):
                 self.fail("the block must not run")
         with self.assertRaisesRegex(ValueError, "a track of 1 mm to 10 m"):
             await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=10**400, counts_per_turn=(1680, 1680))
+
+    async def test_computed_speeds_and_positions_are_rounded_to_whole_counts(self) -> None:
+        motor = self.hub[0]
+        with self.hub.enabled(0):
+            for command, setpoint in [
+                (motor.velocity(800.0), 800),
+                (motor.velocity(-799.6), -800),
+                (motor.position(10.6, speed=999.5, tolerance=9.5), 11),
+                (self.hub.together({0: 20.4}, speed=999.5, acceleration=2000.4, tolerance=9.5), 20),
+            ]:
+                await command
+                await asyncio.sleep(0.1)
+                self.assertEqual((await motor.read()).setpoint_value, setpoint)
 
     async def test_a_timeout_out_of_range_is_an_error_and_nothing_moves(self) -> None:
         base = await self.hub.set_base(0, 1, wheel_diameter_mm=90, track_mm=300, counts_per_turn=(1680, 1680))
