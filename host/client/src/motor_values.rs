@@ -33,7 +33,8 @@ pub struct MotorValues {
     pub load_a: Option<f64>,
     /// Heat of the winding as a share of its thermal limit; 0 without a thermal limit.
     pub heat: f64,
-    /// True if the motor has settled at its target, or if all members of its group have settled.
+    /// True if the motor has settled at its target position, or if all members of its group have settled. Always false
+    /// at a velocity.
     pub settled: bool,
     /// True if the motor is regulated, and a mechanical stop or a load keeps the motor from moving.
     pub stalled: bool,

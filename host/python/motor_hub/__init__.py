@@ -88,7 +88,7 @@ class Reading:
     enabled: bool | None = None
     """True if the motor is enabled."""
     settled: bool | None = None
-    """True if the motor has settled at its target, or its group at its end."""
+    """True if the motor has settled at its target position, or its group at its end; always false at a velocity."""
     stalled: bool | None = None
     """True if the motor is driven and does not turn."""
     fault: bool | None = None
