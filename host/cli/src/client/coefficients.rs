@@ -4,7 +4,9 @@ use super::hub::HubOptions;
 use crate::output::{Failure, print_as, print_error_line};
 use crate::parse::{MotorName, motor};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms};
+use motor_hub::regulator::Kind;
 use motor_hub::units::Coefficient;
+use motor_hub_client::Session;
 use serde_json::json;
 use studies::table;
 
@@ -51,6 +53,15 @@ fn decimal(coefficient: Coefficient) -> f64 {
     f64::from(coefficient.to_bits()) / STEPS
 }
 
+/// Returns true if coefficients that a host has set regulate the motor; `None` if the hub does not report it.
+fn in_force(session: &mut Session, motor: u8) -> Result<Option<bool>, Failure> {
+    // The regulator in the report may be older than the coefficients.
+    session.catch_up()?;
+    let report = session.report()?;
+    let motor = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));
+    Ok(motor.map(|motor| motor.regulator == Kind::Pid))
+}
+
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let name = self.of.to_lowercase();
@@ -61,7 +72,8 @@ impl Options {
         }
         let session = &mut hub.open(self.motor.hub)?;
         let mut pidf = session.coefficients(self.motor.number, of)?;
-        if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
+        let sets = [self.p, self.i, self.d, self.f].iter().any(Option::is_some);
+        if sets {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
                 print_error_line("warning: with P or I below 0 the motor runs away from its set-point");
             }
@@ -75,10 +87,26 @@ impl Options {
             )?;
             pidf = session.coefficients(self.motor.number, of)?;
         }
+        let in_force = if sets { Some(true) } else { in_force(session, self.motor.number)? };
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
-        let document = json!({ "motor": self.motor.number, "loop": name, "p": p, "i": i, "d": d, "f": f });
+        let document = json!({
+            "motor": self.motor.number,
+            "loop": name,
+            "p": p,
+            "i": i,
+            "d": d,
+            "f": f,
+            "in_force": in_force,
+        });
         let mut table = table::new(&["P", "I", "D", "F"], 0);
         table.add_row([p, i, d, f].map(|value| format!("{value:.6}")));
-        print_as(self.json, &document, table)
+        let state = match in_force {
+            Some(true) => "in force: PID regulates the motor with coefficients that a host has set",
+            Some(false) => {
+                "only suggested: the motor is regulated by its model until a host sets coefficients"
+            }
+            None => "the hub does not report whether they are in force",
+        };
+        print_as(self.json, &document, format!("{table}\n{state}"))
     }
 }

@@ -18,8 +18,14 @@ fn status(hub: &Hub) -> Value {
 #[test]
 fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
     let hub = Hub::served();
+    let coefficients =
+        |more: &[&str]| out(&client(&hub, &[&["coefficients", "0", "velocity"], more].concat()));
+    let in_force = || json(&client(&hub, &["coefficients", "0", "velocity", "--json"]))["in_force"].clone();
+    assert!(coefficients(&[]).contains("only suggested: the motor is regulated by its model"));
+    assert_eq!(in_force(), false);
     // Coefficients set by a host would override the model.
-    out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]));
+    assert!(coefficients(&["--p", "1"]).contains("in force: PID regulates the motor"));
+    assert_eq!(in_force(), true);
     let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
     let shown = out(&identify(&[]));
     for says in [
@@ -52,6 +58,7 @@ fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when
     assert_eq!(&json(&client(&hub, &["setup", "0", "--json"]))["motion"], proposed);
     let applied = out(&identify(&["--apply"]));
     assert!(applied.contains("regulates the motor by this result"), "{applied}");
+    assert_eq!(in_force(), false);
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }
 
