@@ -149,7 +149,9 @@ pub struct SettingsFile {
 /// # Errors
 /// A text that names motor or base and key, the given value, and the allowed values.
 pub fn read(mut document: Table) -> Result<SettingsFile, String> {
-    let version = document.remove("schema_version").ok_or("schema_version is missing")?;
+    let version = document
+        .remove("schema_version")
+        .ok_or_else(|| format!("schema_version is missing; write schema_version = {SCHEMA_VERSION}"))?;
     if version.as_integer() != Some(SCHEMA_VERSION) {
         return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
     }
@@ -160,7 +162,9 @@ pub fn read(mut document: Table) -> Result<SettingsFile, String> {
         _ => return Err("there is no [[motor]]".to_owned()),
     };
     if let Some(key) = document.keys().next() {
-        return Err(format!("{key} is no key of a settings file"));
+        return Err(format!(
+            "{key} is no key of a settings file; allowed are schema_version, [base] and [[motor]]"
+        ));
     }
     let base = base.as_ref().map(BaseTable::settings).transpose()?;
     let mut read: Vec<(u8, Vec<Values>)> = Vec::new();
@@ -224,7 +228,7 @@ impl MotorKeys {
             }
         }
         match values.keys().find(|name| Field::named(name).is_none()) {
-            Some(name) => Err(format!("{name} is no setting")),
+            Some(name) => Err(is_no_setting(name)),
             None => Ok(Self { values, tables }),
         }
     }
@@ -248,6 +252,17 @@ impl MotorKeys {
         let number = given.as_float().or_else(|| given.as_integer().map(|whole| whole as f64));
         raw_of(field, given.as_str(), number, &given).map(Some)
     }
+}
+
+/// The error of a key that is no setting. Allowed are the keys of the same table, or all keys if no table has this name.
+fn is_no_setting(name: &str) -> String {
+    let table = |name: &str| name.split_once('.').map(|(table, _)| table.to_owned());
+    let all = || Group::ALL.iter().flat_map(|group| group.fields()).map(|field| field.name);
+    let mut allowed: Vec<&str> = all().filter(|other| table(other) == table(name)).collect();
+    if allowed.is_empty() {
+        allowed = all().collect();
+    }
+    format!("{name} is no setting; allowed are {}", allowed.join(", "))
 }
 
 /// Removes scheme and blend from the values of a motor.
