@@ -25,8 +25,8 @@ pub(crate) struct Options {
     /// With --sweep: every motor with 1 to 1000 times its rotor's inertia, two minutes each; 127 hours of virtual time
     #[arg(long, requires = "sweep")]
     long: bool,
-    /// Hours of virtual time, 0 to 1000
-    #[arg(long, default_value_t = 1.0, value_parser = number("a time", 0.0..=1000.0, "hours"))]
+    /// Hours of virtual time, 0.001 to 1000
+    #[arg(long, default_value_t = 1.0, value_parser = number("a time", 0.001..=1000.0, "hours"))]
     hours: f64,
     /// Print one JSON document instead of text
     #[arg(long)]

@@ -48,7 +48,7 @@ pub(crate) struct Options {
     #[arg(long, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: Option<u64>,
     /// Number of random scenarios; 300 by default
-    #[arg(long, value_parser = whole("how many", 0..=1_000_000_u64, "scenarios"))]
+    #[arg(long, value_parser = whole("how many", 1..=1_000_000_u64, "scenarios"))]
     scenarios: Option<u64>,
     /// Number of worst responses to list
     #[arg(long, default_value_t = 10, value_parser = whole("how many to list", 0..=1_000_000_usize, "responses"))]

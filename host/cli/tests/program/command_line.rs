@@ -27,6 +27,8 @@ survey --dump 3 --json | --json
 survey --dump 3 --only random | --only
 survey --dump 3 --scenarios 5 | --scenarios
 survey --dump 3 --worst 5 | --worst
+survey --scenarios 0 | how many is a whole number from 1 to 1000000 scenarios
+soak --hours 0 | a time is a number from 0.001 to 1000 hours
 survey --only reference --seed 3 | --only leaves out
 survey --only cells --scenarios 3 | --only leaves out
 points --scheme b --motor AM60A --speed-cps 1360 --battery-mv 12 | 1000 to 65535 mV; did you mean 12000?
