@@ -33,7 +33,11 @@ pub(crate) fn address(text: &str) -> Result<Address, String> {
 
 /// Checks that the text has the form HOST:PORT. The connection is made later.
 pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
-    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
+    if is_tcp(text) {
+        Ok(text.to_owned())
+    } else {
+        Err("give HOST:PORT, such as 127.0.0.1:7070; a port is 0 to 65535".to_owned())
+    }
 }
 
 /// Parses the two digital pins that a wire connects.

@@ -45,6 +45,7 @@ pub(super) struct Options {
 /// The command that is recorded.
 #[derive(clap::Parser)]
 #[command(name = "record --", no_binary_name = true, disable_help_subcommand = true, max_term_width = 80)]
+#[command(subcommand_value_name = "power|current|velocity|position")]
 struct Recorded {
     #[command(subcommand)]
     drive: Drive,

@@ -38,6 +38,7 @@ points --scheme b --motor AM60A --speed-cps 1360 --battery-mv -12000 | from 1000
 completions tcsh | possible values: bash
 dashboard --http 0.0.0.0:0 | give --listen 0.0.0.0:0
 dashboard --http nowhere | give HOST:PORT
+dashboard --http 127.0.0.1:99999 | a port is 0 to 65535
 serve | --pty
 serve --pty --tcp 127.0.0.1:0 | --tcp
 serve --tcp nowhere | 127.0.0.1:7070
@@ -78,6 +79,7 @@ client position 0 1 --speed 0 | 1 to 32767
 client position 0 2147483648 | 2147483648
 client record | DRIVE
 client record -- status | status
+client record -- jog 0 | Usage: record -- <power|current|velocity|position>
 client record velocity 0 1e9 | whole number
 client coefficients 0 velocity --p 32768 | -32768 to 32767
 client coefficients 0 velocity --p inf | -32768 to 32767
