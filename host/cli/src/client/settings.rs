@@ -63,6 +63,12 @@ impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let imported = match &self.command {
             Command::Import { file, .. } => read(file)?,
+            Command::Export { file: Some(file) }
+                if file.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) =>
+            {
+                let why = "settings are exported as TOML; give a name that ends in .toml, or read single motors by `client setup MOTOR --json`";
+                return Err(Failure::Input(format!("{}: {why}", file.display())));
+            }
             _ => SettingsFile::default(),
         };
         let session = &mut hub.open(None)?;

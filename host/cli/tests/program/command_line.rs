@@ -101,6 +101,7 @@ client setup 0 --type AM61 | NeveRest 60
 client setup 0 --blend 0.5 | give --scheme D
 client setup 0 --current-limit-a 0.0001 | '--current-limit-a <A>': allowed is 0.001 to 65.535 A, or 0 for none
 client setup 0 --inductance-mh nan | 0.001 to 65.535 mH
+client settings export hub.json | hub.json: settings are exported as TOML; give a name that ends in .toml
 client set-address 255 | 1 to 254
 client watch --interval-ms 3000 | 10 to 2000 ms
 client drive turn=1 --track-mm 300 | --wheel-diameter-mm
