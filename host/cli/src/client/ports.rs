@@ -31,7 +31,14 @@ pub(super) fn list() -> Result<String, Failure> {
 pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
-        error => format!("{place}: {error}"),
+        error => match std::fs::read_link(place) {
+            // `serve --link` leaves its link if the program is killed.
+            Ok(port) if port.starts_with("/dev/pts") && !port.exists() => format!(
+                "{place}: the link leads to {}, which no longer exists, because the served hub has ended; serve the hub again",
+                port.display()
+            ),
+            _ => format!("{place}: {error}"),
+        },
     }
 }
 

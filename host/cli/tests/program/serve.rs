@@ -84,6 +84,10 @@ fn a_link_names_the_port_until_the_program_ends() {
         assert_eq!(hub.wait().success(), end != "-KILL", "{end}");
         assert_eq!(read_link(&link).is_ok(), end == "-KILL", "{end}");
     }
+    if cfg!(target_os = "linux") {
+        let refused = motor_hub(&["client", "--port", path, "status"]);
+        fails(&refused, 1, "the served hub has ended; serve the hub again");
+    }
     // The link of a killed program is replaced.
     drop(Hub::start(&["--pty", "--link", path]));
     remove_file(&link).unwrap();
