@@ -40,9 +40,9 @@ pub enum GroupState {
     /// The motor is in no group, or its group waits for the first tick at which all members have a fresh encoder
     /// reading.
     Alone,
-    /// The group moves, or its members have not settled yet.
+    /// The group moves, or its members have not settled yet, or the group has lost a member.
     Moving,
-    /// All members have settled at their targets.
+    /// All members have settled at their targets, and the group has lost no member.
     Settled,
 }
 

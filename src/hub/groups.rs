@@ -172,7 +172,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Finishes a tick of all moving groups. Sets `settled` in the members' reports: true for all members if the whole
-    /// group has settled. Removes members with a fault from their group, and halts the other members.
+    /// group has settled. A group that has lost a member never settles. Removes members with a fault from their group,
+    /// and halts the other members.
     pub(super) fn review(
         &mut self,
         reports: &mut [Report; N],
@@ -184,8 +185,9 @@ impl<const N: usize> Groups<N> {
             let Some(ActiveGroup::Moving { group, started_with, settle_detector }) = slot else { continue };
             let members = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
-            let within_tolerance =
-                group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
+            // The members that stay after the loss of a member stop before their end positions.
+            let within_tolerance = members == *started_with
+                && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
             let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
                 if members.get(index) != Some(&true) {

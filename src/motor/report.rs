@@ -102,6 +102,7 @@ pub struct Report {
     /// True if the motor has settled in regulated position: at every tick of the dwell the motor was [within
     /// tolerance](super::within_tolerance) and no faster than 40 counts/s. The dwell is 50 ms, or one control
     /// period if the period is longer. A member of a group has settled when all members have settled.
+    /// The members of a group that has lost a member never settle.
     pub settled: bool,
     /// True if the motor is regulated, and a stop or a load holds the motor.
     pub stalled: bool,

@@ -426,3 +426,19 @@ fn a_course_that_waits_for_an_encoder_stops_its_members() {
     bench.run_ms(1_000);
     assert!(bench.speed(0).abs() < 5.0, "{:.0} counts/s", bench.speed(0));
 }
+
+#[test]
+fn a_group_that_has_lost_a_member_does_not_settle_where_the_others_have_stopped() {
+    for period in PERIODS {
+        let mut bench = set_up(period, two(), true, [WHEEL; 2]);
+        bench.move_group(together(by([20_000; 2]), 300.0, 700.0));
+        bench.run_ms(1_000);
+        // The fault is over when the other member has stopped.
+        bench.axes[1].unread_ms = 2 * u64::from(period) + 25;
+        bench.run_ms(2_000);
+        let [other, lost] = bench.snapshot.motors;
+        assert!(!lost.faults.any() && lost.setpoint == velocity(0), "{period} ms: {lost:?}");
+        assert!(matches!(other.setpoint, Setpoint::Follow(_)) && other.position < 10_000, "{other:?}");
+        assert!(!other.settled, "{period} ms: {other:?}");
+    }
+}
