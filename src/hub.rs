@@ -60,7 +60,7 @@ pub enum Command {
     ///
     /// If a group with exactly these members is moving already, the group takes the new course, and its references do
     /// not jump. Otherwise the members leave their old groups and form a new group. The new group starts when all
-    /// members have a fresh encoder reading.
+    /// members have a fresh encoder reading and no latched fault. Until then all members are held at speed 0.
     MoveGroup(GroupCommand),
     /// Configures the drive base. The base starts at the origin, and both wheels leave their groups. `None` removes the
     /// drive base.

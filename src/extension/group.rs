@@ -38,7 +38,7 @@ pub enum GroupCourse {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupState {
     /// The motor is in no group, or its group waits for the first tick at which all members have a fresh encoder
-    /// reading.
+    /// reading and no latched fault.
     Alone,
     /// The group moves, or its members have not settled yet, or the group has lost a member.
     Moving,

@@ -1,11 +1,14 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!       command       readings of all members fresh       no member left, or others disabled
-//! none ------> Waiting ------------------------> Moving ------------------------------------> none
+//!       command         all members are ready        no member left, or others disabled
+//! none ------> Waiting ---------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
 //! ```
+//!
+//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. Otherwise each new command would
+//! drive the other members for a tick, until the member with the fault is lost.
 //!
 //! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members are
 //! disabled (they coast) in two cases: the lost member is disabled or in fail-safe, or the group's setting is
@@ -21,7 +24,7 @@ use crate::units::{CountsPerSecond, Micros, Period, RangeError};
 /// The state of one group.
 #[derive(Clone, Debug)]
 enum ActiveGroup<const N: usize> {
-    /// The group waits for the first tick at which all members have a fresh encoder reading.
+    /// The group waits for the first tick at which all members are ready.
     Waiting(GroupCommand),
     /// The group follows its course, and then holds its end positions.
     Moving {
@@ -124,9 +127,9 @@ impl<const N: usize> Groups<N> {
         were_moving
     }
 
-    /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick. Groups are computed in corrected positions: the corrections by the gyro are subtracted
-    /// from the encoder positions, and added to the set-points.
+    /// Starts the waiting groups whose members are all ready. Sets the set-points of all members of moving groups for
+    /// this tick. Groups are computed in corrected positions: the corrections by the gyro are subtracted from the
+    /// encoder positions, and added to the set-points.
     pub(super) fn step(
         &mut self,
         now: Micros,
@@ -146,7 +149,10 @@ impl<const N: usize> Groups<N> {
         for state in self.states.iter_mut().flatten() {
             if let ActiveGroup::Waiting(command) = state {
                 let members = command.course.members();
-                if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
+                let may_start = members.iter().zip(&fresh).zip(&*motors).all(|((member, reading), motor)| {
+                    !member || reading.is_some() && !motor.has_latched_fault()
+                });
+                if may_start {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
                     let started_with = core::array::from_fn(|motor| members.get(motor) == Some(&true));
                     let positions = minus(&positions, &corrections_of(base, &started_with));

@@ -356,6 +356,11 @@ impl Motor {
         self.regulator.velocity()
     }
 
+    /// True if the motor has a fault that only [`Setpoint::Disabled`] or [`Setpoint::FailSafe`] clears.
+    pub(crate) const fn has_latched_fault(&self) -> bool {
+        self.encoder_fault.is_some() || self.thermal.is_tripped() || self.bridge_fault
+    }
+
     /// The settings in force.
     pub const fn settings(&self) -> &Settings {
         &self.settings

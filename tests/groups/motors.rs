@@ -442,3 +442,35 @@ fn a_group_that_has_lost_a_member_does_not_settle_where_the_others_have_stopped(
         assert!(!other.settled, "{period} ms: {other:?}");
     }
 }
+
+#[test]
+fn repeated_commands_to_a_group_whose_member_has_a_fault_move_no_motor() {
+    for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
+        let mut bench = set_up(period, two(), true, [WHEEL; 2]);
+        let command = GroupCommand { halt, ..together(on([1_000; 2]), 300.0, 700.0) };
+        bench.move_group(command);
+        bench.run_ms(1_000);
+        bench.axes[1].cable = Cable::Unplugged;
+        bench.run_ms(3_000);
+        assert!(bench.snapshot.motors[1].faults.encoder.is_some(), "{:?}", bench.snapshot);
+        let place = bench.counts(0);
+        // A host that streams speeds repeats the command.
+        for _ in 0..40 {
+            bench.move_group(command);
+            bench.run_ms(50);
+        }
+        let moved = bench.counts(0) - place;
+        assert!(moved.abs() < 4.0, "{halt:?}, {period} ms: {moved}");
+        // The group moves again after the fault is repaired and cleared.
+        bench.axes[1].cable = Cable::Plugged;
+        bench.set(1, Setpoint::Disabled);
+        bench.run_ms(100);
+        bench.move_group(command);
+        bench.run_ms(1_000);
+        assert!(
+            bench.snapshot.motors.iter().all(|motor| motor.velocity.round() > 900),
+            "{:?}",
+            bench.snapshot
+        );
+    }
+}
