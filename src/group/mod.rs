@@ -215,13 +215,13 @@ impl<const N: usize> Group<N> {
         group
     }
 
-    /// Changes the course. The references continue from their present positions and speeds without a step. The members
-    /// of the group stay as they are: a motor that only the course names gets no reference, and a member that the
-    /// course does not name stops.
+    /// Changes the course. The references continue from their present positions and speeds without a step. A repeated
+    /// course to positions does not start again, because hosts repeat commands. The members of the group stay as they
+    /// are: a motor that only the course names gets no reference, and a member that the course does not name stops.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.lag, self.tolerance, self.halt) = (lag, tolerance, halt);
-        self.trajectory.set_acceleration(acceleration);
+        let same_acceleration = self.trajectory.set_acceleration(acceleration);
         let (values, are_distances) = match course {
             Course::Distance(distances) => (distances, true),
             Course::Position(positions) => (positions, false),
@@ -236,7 +236,9 @@ impl<const N: usize> Group<N> {
                 *target = if are_distances { target.wrapping_add(value) } else { value };
             }
         }
-        self.trajectory.move_to(targets, speed.to_f32(), self.tick_s);
+        if !same_acceleration || !self.trajectory.leads_to(&targets, speed.to_f32()) {
+            self.trajectory.move_to(targets, speed.to_f32(), self.tick_s);
+        }
     }
 
     /// Brakes all members together. The members hold the positions where they stop.

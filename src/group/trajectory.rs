@@ -92,9 +92,10 @@ impl<const N: usize> Trajectory<N> {
         trajectory
     }
 
-    /// Changes the largest acceleration of the member that moves farthest.
-    pub(super) const fn set_acceleration(&mut self, acceleration: Acceleration) {
-        self.acceleration_cps2 = acceleration.get() as f32;
+    /// Changes the largest acceleration of the member that moves farthest. Returns true if the acceleration stays.
+    pub(super) const fn set_acceleration(&mut self, acceleration: Acceleration) -> bool {
+        let new = acceleration.get() as f32;
+        core::mem::replace(&mut self.acceleration_cps2, new).to_bits() == new.to_bits()
     }
 
     /// Makes the motors turn at these speeds without end, starting from the present references and speeds. If all
@@ -132,6 +133,17 @@ impl<const N: usize> Trajectory<N> {
             self.start_drift([0.0; N]);
             self.speed_cps = along;
         }
+    }
+
+    /// True if the trajectory ends at these positions in counts, and has this largest speed in counts/s.
+    pub(super) fn leads_to(&self, targets: &[i32; N], speed_cps: f32) -> bool {
+        let mut ends = self.base.iter().zip(&self.start_offset).zip(&self.share).zip(targets);
+        !self.endless
+            && self.speed_limit_cps.to_bits() == speed_cps.abs().to_bits()
+            && ends.all(|(((base, start_offset), share), target)| {
+                let start = (base.wrapping_sub(i64::from(*start_offset)) >> 16) as i32;
+                start.wrapping_add(*share) == *target
+            })
     }
 
     /// Removes a motor. Its speed then neither slows nor prolongs a later change of the motion.

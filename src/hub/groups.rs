@@ -68,12 +68,11 @@ impl<const N: usize> Groups<N> {
         }
         let members: [bool; N] = core::array::from_fn(is_new_member);
         for state in self.states.iter_mut().flatten() {
-            if let ActiveGroup::Moving { group, started_with, settle_detector } = state
+            if let ActiveGroup::Moving { group, started_with, .. } = state
                 && *started_with == members
                 && *group.members() == members
             {
                 group.redirect(command);
-                settle_detector.reset();
                 return Ok(());
             }
         }

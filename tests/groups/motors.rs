@@ -474,3 +474,37 @@ fn repeated_commands_to_a_group_whose_member_has_a_fault_move_no_motor() {
         );
     }
 }
+
+#[test]
+fn a_repeated_command_neither_delays_the_group_nor_keeps_it_from_settling() {
+    for (known, period) in cases() {
+        let command = together(to([2_000, 1_237]), 300.0, 700.0);
+        // The time of arrival without a repetition, and with repetitions at these intervals in ms.
+        let [once, others @ ..] = [u64::MAX, 20, 50, 100, 250].map(|interval| {
+            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+            bench.move_group(command);
+            let start = bench.ms;
+            while !bench.snapshot.motors[0].settled {
+                bench.run_ms(1);
+                let ms = bench.ms - start;
+                assert!(ms < 20_000, "known {known}, {period} ms, every {interval} ms: {:?}", bench.snapshot);
+                if ms.is_multiple_of(interval) {
+                    bench.move_group(command);
+                }
+            }
+            bench.ms - start
+        });
+        assert_eq!(others, [once; 4], "known {known}, {period} ms");
+    }
+}
+
+#[test]
+fn a_repeated_distance_is_another_distance() {
+    let mut bench = set_up(50, two(), true, [WHEEL; 2]);
+    let command = together(by([300; 2]), 300.0, 700.0);
+    for end in [300.0, 600.0] {
+        bench.move_group(command);
+        arrive(&mut bench, |_| ());
+        assert!(places(&bench).iter().all(|place| (place - end).abs() < 6.0), "{:?}", places(&bench));
+    }
+}
