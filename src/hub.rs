@@ -154,8 +154,8 @@ impl<const N: usize> Snapshot<N> {
 ///
 /// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The wheels of a newly
 /// configured drive base also leave their groups. The other members then halt according to [`GroupCommand::halt`]. One
-/// exception: if a member of a moving group is disabled or enters fail-safe, all other members are disabled. A group
-/// that waits to start is discarded when a member leaves.
+/// exception: if a member of a group is disabled or enters fail-safe, all other members are disabled. A group that waits
+/// to start ends when a member leaves: with [`Halt::Stop`] the others get the velocity 0.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],

@@ -106,7 +106,7 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<[Option<T>; MOTORS], Rang
 /// How the other members of a group halt when a member is *lost*. A member is lost when it has a fault, gets its own
 /// set-point, or joins another group.
 ///
-/// With either setting, disabling one member of a moving group disables all members. The fail-safe of one member
+/// With either setting, disabling one member disables all members. The fail-safe of one member
 /// disables the other members too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

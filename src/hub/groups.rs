@@ -52,7 +52,7 @@ impl<const N: usize> Groups<N> {
     /// Changes the course of the moving group that has exactly the members of `command`, and has lost none. If there is
     /// no such group, each member leaves its old group, and a new group waits to start. Members that a larger group has
     /// left over start anew too, because their corrections by the gyro may be others. The other members of a moving old
-    /// group halt by the setting of the old group. A waiting old group is discarded.
+    /// group halt by the setting of the old group, also those of a waiting old group.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -91,9 +91,8 @@ impl<const N: usize> Groups<N> {
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
-    /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None`
-    /// stands for the group's own setting. A waiting group is discarded. Returns the motors of `leaving` that were in a
-    /// moving group.
+    /// Removes these motors from their groups. The members that stay halt according to `halt`; `None` stands for the
+    /// group's own setting. A waiting group then ends. Returns the motors of `leaving` that were in a moving group.
     pub(super) fn remove_members(
         &mut self,
         leaving: [bool; N],
@@ -105,7 +104,19 @@ impl<const N: usize> Groups<N> {
             let ended = match slot {
                 Some(ActiveGroup::Waiting(command)) => {
                     let members = command.course.members();
-                    leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member)
+                    let ended = leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member);
+                    if ended {
+                        // The course has replaced the set-points that the members had.
+                        let setpoint = match halt.unwrap_or(command.halt) {
+                            Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
+                            Halt::Coast => Setpoint::Disabled,
+                        };
+                        let staying = core::array::from_fn::<_, N, _>(|motor| {
+                            members.get(motor) == Some(&true) && leaving.get(motor) == Some(&false)
+                        });
+                        members_of(&staying, motors).for_each(|motor| motor.set(setpoint));
+                    }
+                    ended
                 }
                 Some(ActiveGroup::Moving { group, .. }) => {
                     let members = *group.members();

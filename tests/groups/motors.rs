@@ -9,7 +9,7 @@ use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2};
 use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Acceleration, Period};
+use motor_hub::units::{Acceleration, Control, Period};
 use std::num::NonZeroU16;
 
 type Bench<const N: usize> = common::Bench<N>;
@@ -506,5 +506,24 @@ fn a_repeated_distance_is_another_distance() {
         bench.move_group(command);
         arrive(&mut bench, |_| ());
         assert!(places(&bench).iter().all(|place| (place - end).abs() < 6.0), "{:?}", places(&bench));
+    }
+}
+
+#[test]
+fn the_others_halt_if_a_member_leaves_before_the_group_has_started() {
+    let power = Setpoint::ConstantPower(Control::new(16_000));
+    for (halt, setpoint, expected) in [
+        (Halt::Stop, velocity(300), velocity(0)),
+        (Halt::Coast, velocity(300), Setpoint::Disabled),
+        (Halt::Stop, Setpoint::Disabled, Setpoint::Disabled),
+    ] {
+        let mut bench = set_up(50, two(), true, [WHEEL; 2]);
+        (0..2).for_each(|motor| bench.set(motor, power));
+        bench.run_ms(1_000);
+        // Both commands arrive between two ticks.
+        bench.move_group(GroupCommand { halt, ..together(on([0; 2]), 300.0, 700.0) });
+        bench.set(1, setpoint);
+        bench.run_ms(50);
+        assert_eq!(bench.snapshot.motors.map(|motor| motor.setpoint), [expected, setpoint], "{halt:?}");
     }
 }
