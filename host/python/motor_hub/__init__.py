@@ -359,11 +359,16 @@ class Hub:
 
         async def settled() -> bool:
             readings = await self.read()
-            has_settled = await self._call(self._link.group_settled, members[0])
+            # The first member is asked again, because the group may have started after the first answer.
+            asked = (*members, members[0])
+            states = [await self._call(self._link.group_state, motor) for motor in asked]
             if others := self._others(members, motion):
                 raise HubError(f"the motion of {_named(members)} was ended by another command to {_named(others)}")
             self._raise_fault(readings, *members)
-            return has_settled
+            for motor, before, state in zip(asked[1:], states, states[1:]):
+                if before and not state:
+                    raise HubError(f"the motion of {_named(members)} has ended: motor {motor} has left the group by a fault")
+            return states[0] == 2
 
         def stop() -> None:
             if not self._others(members, motion):

@@ -504,10 +504,10 @@ impl Link {
         self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
     }
 
-    /// Returns true once all members of the motor's group have settled.
-    fn group_settled(&self, py: Python<'_>, motor: Whole) -> PyResult<bool> {
+    /// State of the motor's group: 0 alone, 1 moving, 2 settled.
+    fn group_state(&self, py: Python<'_>, motor: Whole) -> PyResult<u8> {
         let motor = channel(motor)?;
-        Ok(self.run(py, |session| session.group_state(motor))? == GroupState::Settled)
+        Ok(self.run(py, |session| session.group_state(motor))? as u8)
     }
 }
 

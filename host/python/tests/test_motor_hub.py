@@ -224,6 +224,16 @@ class MotionsInStep(WithHub):
                 with self.assertRaisesRegex(HubError, "motors 0, 1 was ended by another command to motor 1"):
                     await asyncio.wait_for(waiting, 3)
 
+    async def test_a_motion_that_has_lost_any_of_its_members_is_an_error(self) -> None:
+        for lost in (0, 1):
+            with self.hub.enabled(0, 1):
+                waiting = asyncio.create_task(self.hub.together({0: 9000, 1: 9000}))
+                await asyncio.sleep(0.3)
+                # The member leaves as by a fault that is over: the package knows of no other command.
+                await asyncio.to_thread(self.hub._link.power, lost, 0.1)
+                with self.assertRaisesRegex(HubError, f"motors 0, 1 has ended: motor {lost} has left the group"):
+                    await asyncio.wait_for(waiting, 3)
+
     async def test_a_motion_that_is_replaced_is_an_error_and_the_newer_one_succeeds(self) -> None:
         base = await self.base()
         with self.hub.enabled(0, 1):
