@@ -365,9 +365,13 @@ class Hub:
             if others := self._others(members, motion):
                 raise HubError(f"the motion of {_named(members)} was ended by another command to {_named(others)}")
             self._raise_fault(readings, *members)
-            for motor, before, state in zip(asked[1:], states, states[1:]):
-                if before and not state:
-                    raise HubError(f"the motion of {_named(members)} has ended: motor {motor} has left the group by a fault")
+            lost = [motor for motor, before, state in zip(asked[1:], states, states[1:]) if before and not state]
+            if not any(states):
+                # A group starts at a control tick without a fault, such as that of the readings. So this group has ended.
+                lost = sorted(members)
+            if lost:
+                has = "has" if len(lost) == 1 else "have"
+                raise HubError(f"the motion of {_named(members)} has ended: {_named(lost)} {has} left the group by a fault")
             return states[0] == 2
 
         def stop() -> None:

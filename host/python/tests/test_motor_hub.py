@@ -234,6 +234,17 @@ class MotionsInStep(WithHub):
                 with self.assertRaisesRegex(HubError, f"motors 0, 1 has ended: motor {lost} has left the group"):
                     await asyncio.wait_for(waiting, 3)
 
+    async def test_a_motion_that_has_lost_all_of_its_members_is_an_error(self) -> None:
+        for members in ((0,), (0, 1)):
+            with self.hub.enabled(*members):
+                waiting = asyncio.create_task(self.hub.together(dict.fromkeys(members, 9000)))
+                await asyncio.sleep(0.3)
+                # No state of the group is read between two of these commands, as with a fault that all members have.
+                lose = [self.hub._thread.submit(self.hub._link.power, member, 0.1) for member in members]
+                with self.assertRaisesRegex(HubError, "^the motion of motors? 0(, 1)? has ended: .* left the group by a fault"):
+                    await asyncio.wait_for(waiting, 3)
+                self.assertEqual([each.result() for each in lose], [None] * len(members))
+
     async def test_a_motion_that_is_replaced_is_an_error_and_the_newer_one_succeeds(self) -> None:
         base = await self.base()
         with self.hub.enabled(0, 1):
