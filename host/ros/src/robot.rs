@@ -8,8 +8,9 @@
 //!
 //! * A command is valid for 0.5 s. After 0.5 s without another command the joint stops.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub all motors are off until `enable`. A joint
-//!   is off until `enable` after a fault, and after the hub has disabled its motor. The joints of a child hub are off
-//!   until `enable` after a loss of the child.
+//!   is off until `enable` after a fault, and after the hub has disabled its motor. After a fault its motor gets speed 0,
+//!   because the motor would turn again when the fault passes. The joints of a child hub are off until `enable` after a
+//!   loss of the child.
 //! * One commander (a process) drives at a time. A new commander drives immediately, instead of the present commander.
 //!   An earlier commander drives again only after the present commander has sent nothing for 5 s.
 
@@ -326,9 +327,14 @@ impl Robot {
         for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
             let Some(motor) = report.motors.get(usize::from(joint.motor)) else { continue };
             let driven = joint.address == address && command.setpoint.is_some() && !command.is_new;
-            if driven && report.is_up_to_date() && (motor.faults.any() || !motor.enabled) {
+            let accepts = command.off.is_none();
+            if driven && accepts && report.is_up_to_date() && (motor.faults.any() || !motor.enabled) {
                 let why = why_still(&report, joint.motor.into()).unwrap_or("the hub has disabled the motor");
                 command.refuse(why);
+                if motor.enabled {
+                    // Some faults pass, and the motor then follows the set-point that the hub has.
+                    (command.setpoint, command.is_new) = (Some(Setpoint::Velocity(0)), true);
+                }
             }
         }
         if address.is_none()
@@ -690,11 +696,33 @@ mod tests {
         let left = robot.diagnostics(0, ms(0)).remove(1);
         assert_eq!((left.level, left.name.as_str()), (Level::Error, "hub0: left"));
         assert!(left.values.contains(&("fault", "5 bridge switched itself off".to_owned())), "{left:?}");
+        assert_eq!(robot.due(ms(5)), [(0, Setpoint::Velocity(0))]);
         robot.twist(A, (0.4, 0.0), ms(10));
         assert_eq!(robot.due(ms(10)).iter().map(|(motor, _)| *motor).collect::<Vec<_>>(), [1]);
         robot.enable();
         robot.twist(A, (0.5, 0.0), ms(20));
         assert_eq!(robot.due(ms(20)).len(), 2);
+    }
+
+    #[test]
+    fn a_joint_does_not_turn_again_when_its_fault_passes() {
+        let mut robot = robot();
+        robot.twist(A, (0.5, 0.0), ms(0));
+        robot.due(ms(0));
+        // The hub keeps the set-point of a motor during this fault, which passes with the next battery reading.
+        let mut faulty = report([0, 0]);
+        faulty.motors[0].faults = Faults { battery_unknown: true, ..Faults::default() };
+        robot.observe(None, faulty.clone(), None);
+        assert_eq!(robot.due(ms(10)), [(0, Setpoint::Velocity(0))]);
+        robot.observe(None, faulty, None);
+        robot.observe(None, report([0, 0]), None);
+        robot.twist(A, (0.4, 0.0), ms(20));
+        assert!(robot.due(ms(20)).iter().all(|(joint, _)| *joint == 1));
+        // A set-point would enable a motor that the hub has disabled.
+        let mut disabled = report([0, 0]);
+        disabled.motors[1].enabled = false;
+        robot.observe(None, disabled, None);
+        assert_eq!(robot.due(ms(30)), []);
     }
 
     #[test]
