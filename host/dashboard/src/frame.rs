@@ -96,7 +96,7 @@ pub(crate) enum Message {
     /// A notice for the user.
     Notice {
         text: String,
-        /// True if motors were disabled.
+        /// True if motors were disabled, or if the shown hub was lost: a page then ends what it drives.
         motors_disabled: bool,
     },
     /// Sent to a page whose order was not executed: why it was not.

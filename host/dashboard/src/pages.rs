@@ -134,6 +134,11 @@ impl Pages {
         }
     }
 
+    /// True if a page has shown a frame that was sent after this time.
+    pub fn has_shown_since(&self, id: u32, at: Instant) -> bool {
+        self.pages.get(&id).is_some_and(|page| page.fresh_at > at)
+    }
+
     /// Notes that a page is hidden or visible.
     pub fn hide(&mut self, id: u32, hidden: bool, now: Instant) {
         if let Some(page) = self.pages.get_mut(&id) {

@@ -71,6 +71,8 @@ pub struct Relay {
     since: Instant,
     connect_at: Instant,
     looked_at: Instant,
+    /// Time at which the shown hub was lost, and the first hub of the chain shown instead; `None` before.
+    given_way_at: Option<Instant>,
     /// Newest message about the line, for new pages.
     line: Message,
     /// Newest settings by motor, for new pages.
@@ -99,6 +101,7 @@ impl Relay {
             since: now,
             connect_at: now,
             looked_at: now,
+            given_way_at: None,
             line,
             settings: BTreeMap::new(),
         }
@@ -177,6 +180,10 @@ impl Relay {
                 self.answer(id, &answer);
             }
             _ if self.pages.controller() != Some(id) => return Err("this page is not in control".to_owned()),
+            // The order may be for the lost hub, and would drive the motor with the same number of the first hub.
+            _ if self.given_way_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
+                return Err("the hub of this order does not answer, and another hub is shown".to_owned());
+            }
             _ => {
                 self.execute_for_controller(order)?;
                 if let Some(text) = order.done() {
@@ -421,8 +428,9 @@ impl Relay {
             Error::Silent { address } if self.chain.lose(session, address) => address,
             _ => return self.drop_session(&error.to_string()),
         };
-        self.send_notice(error.to_string(), false);
+        self.send_notice(error.to_string(), lost == shown);
         if lost == shown {
+            self.given_way_at = Some(Instant::now());
             (self.identification, self.playing, self.saving) = (None, None, None);
             if let Err(error) = self.query_hub() {
                 self.handle_error(&error);

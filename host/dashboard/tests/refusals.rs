@@ -307,6 +307,36 @@ fn an_order_to_a_child_that_does_not_answer_shows_the_parent() {
 }
 
 #[test]
+fn an_order_that_was_given_for_a_lost_child_does_not_drive_the_parent() {
+    let is_silent = Arc::new(AtomicBool::new(false));
+    let parent = Hub { responder: responder_at(2), ..Hub::new() };
+    let setpoints = Arc::clone(&parent.setpoints);
+    let mut page = page_of(vec![parent, hub_that_falls_silent(3, &is_silent)]);
+    page.enable(0);
+    page.order("hub", json!({ "address": 3 }));
+    page.shows(1);
+    page.message("frame");
+    is_silent.store(true, Ordering::Relaxed);
+    setpoints.lock().unwrap().clear();
+    let drive = || json!({ "motor": 0, "mode": "velocity", "value": 800 });
+    // The first order finds that the child is lost. The page gives the second one before it is told.
+    page.order("drive", drive());
+    page.order("drive", drive());
+    // A held button or a gamepad must end its motion, as after a stop.
+    let told = page.until("a notice", |_, message| message["kind"] == "notice");
+    assert_eq!(told["motors_disabled"], true, "{told}");
+    let why = page.until("two refusals", |_, message| {
+        message["why"].as_str().is_some_and(|why| why.contains("another hub"))
+    });
+    assert!(why["why"].as_str().unwrap().starts_with("the hub of this order does not answer"), "{why}");
+    page.message("frame");
+    assert_eq!(*setpoints.lock().unwrap(), []);
+    page.order("drive", drive());
+    page.message("frame");
+    assert_eq!(setpoints.lock().unwrap().len(), 1);
+}
+
+#[test]
 fn a_hub_that_was_lost_has_no_motor_enabled() {
     let (server, mut page) = page_of_server(Hub::new(), None);
     page.enable(0);

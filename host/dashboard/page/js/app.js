@@ -53,7 +53,7 @@ function onMessage(message) {
       break;
     case "notice":
       notice(message.text);
-      // The server has disabled all motors, for example after STOP.
+      // The server has disabled all motors, for example after STOP, or shows another hub because this one was lost.
       if (message.motors_disabled) emit("stopped");
       break;
     case "refused":
