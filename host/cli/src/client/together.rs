@@ -4,6 +4,7 @@ use super::drive;
 use super::hub::HubOptions;
 use super::motion::{reasons, warn_of};
 use super::motors_off::{DrivingSession, names};
+use super::readings::motors_of;
 use crate::output::{Failure, print};
 use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -155,11 +156,14 @@ pub(super) fn run_group(
     let mut lost: Vec<u8> = Vec::new();
     let mut lost_at = None;
     let settled = drive::follow(session, motors, None, length, |session, reading| {
-        let mut moving = false;
+        let (mut moving, mut turning) = (false, false);
         lost.clear();
         for &motor in motors {
             match session.group_state(motor)? {
-                GroupState::Moving => moving = true,
+                GroupState::Moving => {
+                    moving = true;
+                    turning |= motors_of(&reading.bulk, &[motor]).any(|of| of.velocity != 0);
+                }
                 GroupState::Alone => lost.push(motor),
                 GroupState::Settled => (),
             }
@@ -167,8 +171,9 @@ pub(super) fn run_group(
         if lost.is_empty() {
             return Ok(!moving);
         }
+        // A group that has lost a member never settles: the others hold the positions at which they stop.
         let since = *lost_at.get_or_insert(reading.at);
-        Ok(!moving || reading.at.saturating_sub(since) > LONGEST_HALT)
+        Ok(!turning || reading.at.saturating_sub(since) > LONGEST_HALT)
     })?;
     if lost.is_empty() { Ok(settled) } else { Err(left_the_group(session, &lost)?) }
 }
