@@ -232,10 +232,15 @@ impl HubThread {
         match error {
             Error::Refused { .. } | Error::TooOld { .. } => (),
             Error::Silent { address } if address != hub.parent.get() => {
+                let identified = hub.identification.is_some();
                 if hub.lose(address) {
                     eprintln!("warning: {}: {text}", self.robot.config().place);
                 }
                 self.robot.lose_child(address);
+                if identified && hub.identification.is_none() {
+                    // A motor of another hub may be turning in the identification that has ended.
+                    hub.disable()?;
+                }
             }
             error => return Err(error),
         }

@@ -829,6 +829,22 @@ class Chain(WithRobot):
         self.expect(lift=2.0, grip=-3.0)
 
 
+    def test_an_identification_that_a_lost_child_ends_leaves_no_motor_turning(self) -> None:
+        self.wait_for(lambda: {"lift", "grip"} <= set(self.newest[STATE].name), "joints of the children", 3)
+        with ThreadPoolExecutor() as pool:
+            call = pool.submit(self.commander.call, "identify")
+            self.wait_for(lambda: abs(self.joint("left")[1]) > 1.0, "motion of the first joint", 5)
+            self.line.lost = {3}
+            self.assertEqual(call.result(), (False, "a hub of the chain was lost"))
+        # The motor coasts to a standstill. An identification would turn it the other way too.
+        speeds, end = [], time.time() + 4.0
+        while time.time() < end:
+            speeds.append(self.joint("left")[1])
+            time.sleep(0.01)
+        self.assertLess(min(max(speeds), -min(speeds)), 0.2)
+        self.assertLess(abs(speeds[-1]), 0.2)
+
+
 class TwoMachines(unittest.TestCase):
     """Robot and operator in network namespaces of their own, which one cable connects."""
 
