@@ -9,8 +9,8 @@
 //! * A command is valid for 0.5 s. After 0.5 s without another command the joint stops.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub all motors are off until `enable`. A joint
 //!   is off until `enable` after a fault, and after the hub has disabled its motor. After a fault its motor gets speed 0,
-//!   because the motor would turn again when the fault passes. The joints of a child hub are off until `enable` after a
-//!   loss of the child.
+//!   because the motor would turn again when the fault passes. A base with such a wheel ignores speeds for the base. The
+//!   joints of a child hub are off until `enable` after a loss of the child.
 //! * One commander (a process) drives at a time. A new commander drives immediately, instead of the present commander.
 //!   An earlier commander drives again only after the present commander has sent nothing for 5 s.
 
@@ -159,6 +159,10 @@ impl Robot {
             return;
         };
         if !self.admits(from, now) {
+            return;
+        }
+        // A single wheel would drive the base in a circle.
+        if joints.iter().any(|joint| self.commands.get(*joint).is_some_and(|command| command.off.is_some())) {
             return;
         }
         let speeds = speeds.map(CountsPerSecond::to_f64);
@@ -697,11 +701,15 @@ mod tests {
         assert_eq!((left.level, left.name.as_str()), (Level::Error, "hub0: left"));
         assert!(left.values.contains(&("fault", "5 bridge switched itself off".to_owned())), "{left:?}");
         assert_eq!(robot.due(ms(5)), [(0, Setpoint::Velocity(0))]);
-        robot.twist(A, (0.4, 0.0), ms(10));
-        assert_eq!(robot.due(ms(10)).iter().map(|(motor, _)| *motor).collect::<Vec<_>>(), [1]);
+        robot.joints(A, &velocities(&["left", "right"], &[1.0, 1.0]), ms(10));
+        assert_eq!(robot.due(ms(10)), [(1, Setpoint::Velocity(-267))]);
+        // A base does not move by one wheel.
+        robot.twist(A, (0.4, 0.0), ms(20));
+        assert_eq!(robot.due(ms(20)), []);
+        assert_eq!(robot.due(ms(510)), [(1, Setpoint::Velocity(0))]);
         robot.enable();
-        robot.twist(A, (0.5, 0.0), ms(20));
-        assert_eq!(robot.due(ms(20)).len(), 2);
+        robot.twist(A, (0.5, 0.0), ms(520));
+        assert_eq!(robot.due(ms(520)).len(), 2);
     }
 
     #[test]
@@ -716,8 +724,8 @@ mod tests {
         assert_eq!(robot.due(ms(10)), [(0, Setpoint::Velocity(0))]);
         robot.observe(None, faulty, None);
         robot.observe(None, report([0, 0]), None);
-        robot.twist(A, (0.4, 0.0), ms(20));
-        assert!(robot.due(ms(20)).iter().all(|(joint, _)| *joint == 1));
+        robot.joints(A, &velocities(&["left", "right"], &[1.0, 1.0]), ms(20));
+        assert_eq!(robot.due(ms(20)), [(1, Setpoint::Velocity(-267))]);
         // A set-point would enable a motor that the hub has disabled.
         let mut disabled = report([0, 0]);
         disabled.motors[1].enabled = false;
