@@ -21,6 +21,7 @@ use motor_hub_client::kept_settings::KeptSettings;
 use motor_hub_client::motor::{
     NO_CURRENT, NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma,
 };
+use motor_hub_client::reasons::why_still;
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
@@ -405,6 +406,21 @@ fn begin_group(
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit = acceleration_limit(acceleration)?;
+    session.catch_up()?;
+    let report = session.report()?;
+    for (motor, of) in (0..).zip(report.iter().flat_map(|report| &report.motors)) {
+        // The hub would wait for the end of the fault without a word, and then move the motors. While the battery voltage
+        // is unknown, the hub refuses to enable a motor, and says why.
+        let waits = of.faults.any() && (of.enabled || !of.faults.battery_unknown);
+        if members.contains(&motor) && waits {
+            let why = match &report {
+                Some(report) if !of.faults.encoder_stale => why_still(report, usize::from(motor)),
+                _ => None,
+            };
+            let why = why.unwrap_or("the hub gets no reading from its encoder");
+            return Err(format!("motor {motor}: {why}").into());
+        }
+    }
     for &motor in &members {
         // A motor that turns already goes on until the group moves. Any other motor brakes with power 0.
         if !session.enabled(motor)? {

@@ -266,6 +266,30 @@ fn a_motor_is_enabled_by_a_set_point_only_if_the_set_point_is_accepted() {
 }
 
 #[test]
+fn motors_do_not_move_in_step_with_a_motor_that_has_a_fault() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].faults.bridge = true;
+    hub.snapshot.motors[2].faults.encoder_stale = true;
+    let setpoints = Arc::clone(&hub.setpoints);
+    let mut page = page_of(vec![hub]);
+    page.enable(1);
+    setpoints.lock().unwrap().clear();
+    for (order, fields) in [
+        ("together", json!({ "by": [100, 100, null, null], "speed": 500, "acceleration": 1000 })),
+        ("turn", json!({ "at": [100, 100, null, null], "acceleration": 1000 })),
+    ] {
+        let why = page.refused(order, fields);
+        let fault = "motor 1: the bridge switched itself off: disable the motor, then enable it again";
+        assert_eq!(why, fault, "{order}");
+    }
+    let without_encoder = json!({ "at": [null, null, 100, null], "acceleration": 1000 });
+    assert_eq!(page.refused("turn", without_encoder), "motor 2: the hub gets no reading from its encoder");
+    page.message("frame");
+    assert!(!page.enabled(0));
+    assert_eq!(*setpoints.lock().unwrap(), []);
+}
+
+#[test]
 fn a_stop_disables_the_motors_of_all_hubs_although_a_child_does_not_answer() {
     let [silent_child, child] = [Arc::new(AtomicBool::new(false)), Arc::default()];
     let hubs = vec![
