@@ -219,6 +219,13 @@ impl Relay {
     /// # Errors
     /// A text that says why the order is not executed.
     fn execute_for_controller(&mut self, order: &PageRequest) -> Result<(), String> {
+        // An order since the last frame may have enabled a motor.
+        if let PageRequest::Import { .. } | PageRequest::ResetEncoder { .. } = order
+            && let Err(error) = self.look_again()
+        {
+            self.handle_error(&error);
+            return Err(error.to_string());
+        }
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
             // A file may change the kind of an enabled motor's set-point. Then the motor would follow an old value of
@@ -500,6 +507,16 @@ impl Relay {
             self.looked_at = Instant::now();
         }
         Ok(true)
+    }
+
+    /// Reads the hub's state into the frame, including all orders so far.
+    fn look_again(&mut self) -> Result<(), Error> {
+        if let Some(session) = &mut self.session {
+            session.catch_up()?;
+        }
+        // Without this list, the set-points of another maker's hub are read too.
+        self.frame.motors.clear();
+        self.look().map(|_| ())
     }
 
     /// Opens a session. Motors of an earlier session may still run, and a stop in between may have reached no hub, so

@@ -290,6 +290,18 @@ fn motors_do_not_move_in_step_with_a_motor_that_has_a_fault() {
 }
 
 #[test]
+fn a_file_is_refused_if_the_order_before_has_enabled_a_motor() {
+    for foreign in [false, true] {
+        let mut page = page_of(vec![Hub { foreign, ..Hub::new() }]);
+        page.message("frame");
+        page.order("drive", json!({ "motor": 0, "mode": "power", "value": 0.3, "enable": true }));
+        // There was no frame since the order before.
+        let why = page.refused("import", json!({ "text": "" }));
+        assert!(why.starts_with("a motor is enabled"), "{why}");
+    }
+}
+
+#[test]
 fn a_stop_disables_the_motors_of_all_hubs_although_a_child_does_not_answer() {
     let [silent_child, child] = [Arc::new(AtomicBool::new(false)), Arc::default()];
     let hubs = vec![
