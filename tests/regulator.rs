@@ -233,6 +233,31 @@ fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_spee
     }
 }
 
+/// Loads that alternate for a minute teach a gain that is now too low and now too high. A gain that was raised by mistake
+/// must not stay.
+#[test]
+fn an_unknown_motor_under_alternating_loads_keeps_its_mean_speed_but_for_some_seconds() {
+    let motor = motor("AM 60 A");
+    for kg_m2 in [0.0, 0.01] {
+        for phase in 0..20 {
+            let mut bench = Bench::one(unknown(&motor), plant(motor, inertia(kg_m2)), 50);
+            bench.place(0, phase as f64 / 20.0, 0.0);
+            bench.run_ms(300 + phase);
+            bench.set(0, velocity(1_000));
+            bench.run_ms(1_500);
+            let is_off = |second: &u32| {
+                bench.axes[0].torque = if second.is_multiple_of(2) { 0.1 } else { -0.1 };
+                bench.run_ms(300);
+                let from = bench.counts(0);
+                bench.run_ms(700);
+                (bench.counts(0) - from - 700.0).abs() > 21.0
+            };
+            let off = (0..60).filter(is_off).count();
+            assert!(off <= 6, "{kg_m2} kg m², phase {phase}: {off} of 60 s");
+        }
+    }
+}
+
 #[test]
 fn a_motor_with_too_much_inertia_configured_rests_at_its_position_and_at_speed_0() {
     let mut bad = Vec::new();

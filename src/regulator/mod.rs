@@ -563,13 +563,13 @@ impl Regulator {
         } else if !self.ends_swings {
             match self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
                 Some(Swing::Fast) => self.raise_gain(demand, context),
-                // The estimate of a motor that does not come to its position may have been raised by mistake.
-                Some(Swing::Slow) if matches!(demand, Demand::Position { .. }) => {
+                // The estimate may have been raised by mistake.
+                Some(Swing::Slow) => {
                     if let Some(estimate) = &mut self.gain_estimate {
                         estimate.learn_again();
                     }
                 }
-                _ => (),
+                None => (),
             }
         }
         output
