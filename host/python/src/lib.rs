@@ -12,7 +12,7 @@ use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::ports;
 use motor_hub_client::motor::{SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::motor_hub::extension::HubFunction;
-use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
+use motor_hub_client::motor_hub::extension::group::GroupCourse;
 use motor_hub_client::motor_hub::extension::report::ReportedSetpoint;
 use motor_hub_client::motor_hub::group::{BaseSettings, DEFAULT_TOLERANCE, DriveBase, GroupCommand};
 use motor_hub_client::motor_hub::motor::ZeroPower;
