@@ -407,18 +407,16 @@ fn begin_group(
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit = acceleration_limit(acceleration)?;
     session.catch_up()?;
-    let report = session.report()?;
-    for (motor, of) in (0..).zip(report.iter().flat_map(|report| &report.motors)) {
-        // The hub would wait for the end of the fault without a word, and then move the motors. While the battery voltage
-        // is unknown, the hub refuses to enable a motor, and says why.
-        let waits = of.faults.any() && (of.enabled || !of.faults.battery_unknown);
-        if members.contains(&motor) && waits {
-            let why = match &report {
-                Some(report) if !of.faults.encoder_stale => why_still(report, usize::from(motor)),
-                _ => None,
-            };
-            let why = why.unwrap_or("the hub gets no reading from its encoder");
-            return Err(format!("motor {motor}: {why}").into());
+    if let Some(report) = session.report()? {
+        for &motor in &members {
+            let Some(of) = report.motors.get(usize::from(motor)) else { continue };
+            // The hub would wait for the end of the fault without a word, and then move the motors. While the battery
+            // voltage is unknown, the hub refuses to enable a motor, and says why.
+            if of.faults.any() && (of.enabled || !of.faults.battery_unknown) {
+                let known = if of.faults.encoder_stale { None } else { why_still(&report, motor.into()) };
+                let why = known.unwrap_or("the hub gets no reading from its encoder");
+                return Err(format!("motor {motor}: {why}").into());
+            }
         }
     }
     for &motor in &members {

@@ -93,6 +93,8 @@ pub(super) struct Ended {
     pub(super) document: Value,
     /// Result as a table, beside the motor of the catalogue; empty if the motor was not identified.
     pub(super) table: String,
+    /// Share of the changes of speed that the result does not explain, in percent; 0 if the motor was not identified.
+    residual_percent: f64,
     /// Proposed settings, or why the motor was not identified.
     pub(super) proposed: Result<MotorSettings, String>,
     /// Name of the configured motor of the catalogue; `None` for other constants.
@@ -116,7 +118,7 @@ impl Ended {
         let outcome = identify(session, motor, travel, shows_progress)?;
         let catalogue = catalogue_motor(&before.motor);
         let name = catalogue.as_ref().map(|(motor, _)| motor.name);
-        let (mut inertia, mut warning, mut table) = (None, None, String::new());
+        let (mut inertia, mut warning, mut table, mut residual_percent) = (None, None, String::new(), 0.0);
         let mut proposed =
             Err(format!("motor {motor} was not identified: {}", reason(outcome, before, battery)));
         if let Identification::Found(found) = &outcome {
@@ -124,6 +126,7 @@ impl Ended {
             warning = wrong_type(catalogue.as_ref(), found);
             let beside = catalogue.as_ref().map(|(motor, bare)| (motor.name, bare));
             table = format!("{}\n", found_table(&format!("motor {motor}"), found, beside));
+            residual_percent = f64::from(found.residual) / 10.0;
             proposed = Ok(proposal(before, &found.dynamics, battery));
         }
         if let Some(why) = &warning {
@@ -133,7 +136,7 @@ impl Ended {
             "motor": motor, "catalogue": name, "inertia_to_bare_motor": inertia, "warning": warning,
         });
         let document = with_fields(identify::json(outcome), more);
-        Ok(Self { document, table, proposed, name, inertia_ratio: inertia })
+        Ok(Self { document, table, residual_percent, proposed, name, inertia_ratio: inertia })
     }
 }
 
@@ -173,15 +176,14 @@ impl Options {
         for ((name, now), (_, proposed)) in rows(before).into_iter().zip(rows(after)) {
             settings.add_row([name, &now, &proposed]);
         }
-        let residual = 100.0 * ended.document["residual"].as_f64().unwrap_or_default();
         let end = if self.apply {
             "Applied: until its reset the hub regulates the motor by this result"
         } else {
             "Not applied; --apply puts the proposed settings in force"
         };
         format!(
-            "{}Residual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n",
-            ended.table
+            "{}Residual: {:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n",
+            ended.table, ended.residual_percent
         )
     }
 }
