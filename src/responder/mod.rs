@@ -453,7 +453,7 @@ impl<const N: usize> Responder<N> {
         let channel = self.channels.get_mut(index).ok_or(NO_MOTOR)?;
         match function {
             MotorFunction::Identify { travel_limit } => {
-                let travel = channel.identify(travel_limit, snapshot.good_battery())?;
+                let travel = channel.identify(travel_limit, snapshot.good_battery(), report)?;
                 Ok(Reply::data(&travel))
             }
             MotorFunction::Identification => Ok(Reply::data(&channel.identification(report))),

@@ -193,9 +193,23 @@ impl MotorChannel {
     /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the
     /// largest number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
     ///
+    /// A repeated request has no further effect. The travel depends on the battery voltage, which has changed since the
+    /// first request. An identification that runs within the requested limit therefore goes on.
+    ///
     /// # Errors
     /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.
-    pub(super) fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
+    pub(super) fn identify(
+        &mut self,
+        travel_limit: u32,
+        battery: Option<Millivolts>,
+        report: &Report,
+    ) -> Result<u32, Nack> {
+        if let Some(Setpoint::Identify { travel_limit: announced }) = self.override_setpoint()
+            && announced <= travel_limit
+            && matches!(self.identification(report), Identification::Running(_))
+        {
+            return Ok(announced);
+        }
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
         if !self.enabled() || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);

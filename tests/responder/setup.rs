@@ -133,6 +133,25 @@ fn an_enabled_motor_at_rest_is_identified_and_its_travel_announced() {
 }
 
 #[test]
+fn a_repeated_identification_goes_on_although_the_battery_voltage_has_changed() {
+    let mut host = standing();
+    let announced = learn(&mut host, u32::MAX);
+    host.new_commands();
+    host.tick();
+    host.snapshot.motors[1].identification = Identification::Running(10);
+    host.set_battery(Some(11_800), DrawStage::Full);
+    assert_eq!(learn(&mut host, u32::MAX), announced);
+    assert_eq!(host.new_commands(), []);
+    // A smaller limit, or a request after the end of the identification, starts an identification.
+    learn(&mut host, 500);
+    assert_eq!(host.new_commands().len(), 1);
+    host.snapshot.motors[1].identification = Identification::Refused(Refusal::NotAtRest);
+    host.tick();
+    learn(&mut host, 500);
+    assert_eq!(host.new_commands().len(), 1);
+}
+
+#[test]
 fn a_motor_that_is_driven_is_not_identified() {
     let nothing_but_disabled: &[(u16, &[u8])] = &[(10, &[1, 0])];
     let driven: &[(u16, &[u8])] = &[(15, &[1, 0, 16])];
