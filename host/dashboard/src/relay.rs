@@ -352,17 +352,23 @@ impl Relay {
         }
         session.set_address(address)?;
         self.chain.rename(address.get());
+        // The next session begins at the new address, unless it is for the parent.
+        self.place.address = self.place.address.and(Some(address));
         let kept = session.why_address_is_lost()?;
         let kept = kept
             .unwrap_or_else(|| "also after a reset; the stored settings of the motors are kept".to_owned());
-        // The next session begins at the new address, unless it is for the parent.
-        self.place.address = self.place.address.and(Some(address));
         self.send_notice(format!("the hub has address {new} {kept}"), false);
         Ok(())
     }
 
     /// Begins to save, load or reset the stored settings.
+    ///
+    /// # Errors
+    /// The last save, load or reset was not reported yet: its end sends the settings to the pages.
     fn store(&mut self, what: HubFunction) -> Result<(), RequestError> {
+        if self.saving.is_some() {
+            return Err("a save, load or reset is running: wait for its end".into());
+        }
         let Some(session) = &mut self.session else { return Ok(()) };
         let access = session.begin_store(what.clone())?;
         self.saving = Some((what, access));

@@ -8,7 +8,7 @@ mod page;
 
 use dashboard::proposal::catalogue_motor;
 use dashboard::{Opened, Place};
-use hub_support::{Hub, Memory, SLOT, Server, responder_at, started};
+use hub_support::{Hub, Memory, SLOT, Server, first, responder_at, started};
 use memory::Local;
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
@@ -19,7 +19,7 @@ use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::store::Outcome;
+use motor_hub::store::{Found, Outcome};
 use motor_hub::units::{Coefficient, Micros, Millivolts};
 use motor_hub::update::{Booted, Phase};
 use motor_hub_client::Session;
@@ -398,6 +398,35 @@ fn a_hub_that_was_chosen_by_its_address_is_found_again_at_its_new_address() {
     page.line(false);
     page.line(true);
     page.message("frame");
+}
+
+#[test]
+fn a_hub_that_is_lost_just_after_its_address_has_changed_is_found_at_its_new_address() {
+    let hub = Hub::new();
+    let former = hub.responder.address();
+    let (server, mut page) = page_of_server(hub, Some(former));
+    page.message("frame");
+    server.hub().loses_reply = first(TRANSMISSIONS, |packet| packet.id == HubFunction::Stored.id());
+    page.order("address", json!({ "new": 7 }));
+    page.line(false);
+    page.line(true);
+}
+
+#[test]
+fn a_save_just_after_a_load_is_refused_until_the_loaded_settings_are_shown() {
+    let mut hub = Hub::new();
+    hub.responder.restore(Found::default());
+    let mut page = page_of(vec![hub]);
+    let changed = page.settings("acceleration", json!({ "motor": 0, "limit": 500 }));
+    assert_eq!(changed["acceleration"], 500);
+    page.order("load", Value::Null);
+    assert_eq!(page.refused("save", Value::Null), "a save, load or reset is running: wait for its end");
+    page.until("loaded settings", |_, message| {
+        message["kind"] == "settings" && message["acceleration"].is_null()
+    });
+    page.notice("the stored settings are in force");
+    page.order("save", Value::Null);
+    page.notice("settings are saved");
 }
 
 #[test]
