@@ -379,13 +379,14 @@ impl Update {
     /// is armed afterwards, [`done`](Self::done) requests its disarming. A repeated call changes nothing.
     ///
     /// # Errors
-    /// Returns [`Nack::UPDATE_BUSY`] while the slot task writes a chunk, disarms an image, or restarts the chip.
+    /// Returns [`Nack::UPDATE_BUSY`] while the slot task writes a chunk, or restarts the chip.
     pub fn abandon(&mut self) -> Result<(), Nack> {
         match self.phase {
+            Phase::Disarming => return Ok(()),
             // A check that the slot task has begun ends first.
             Phase::Nothing | Phase::Checking if self.task == TaskState::Busy => (),
             Phase::Nothing | Phase::Checking => self.task = TaskState::Idle,
-            Phase::Receiving | Phase::Armed | Phase::Disarming => self.check_idle()?,
+            Phase::Receiving | Phase::Armed => self.check_idle()?,
         }
         self.phase = if self.phase == Phase::Armed { self.disarm() } else { Phase::Nothing };
         Ok(())

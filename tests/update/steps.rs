@@ -181,7 +181,7 @@ fn an_armed_image_is_started_or_abandoned_before_there_is_another() {
     update.finish().expect("all is there");
     memory.serve(&mut update);
     assert_eq!(update.begin(100, 0, false), Err(Nack::UPDATE_ARMED), "its slot must not be erased");
-    update.abandon().expect("nothing is at work");
+    assert_eq!((update.abandon(), update.abandon()), (Ok(()), Ok(())), "a host repeats a request");
     assert_eq!(update.restart(false), Err(Nack::UPDATE_NOT_ARMED));
     memory.serve(&mut update);
     assert_eq!((update.phase(), memory.armed), (Phase::Nothing, None));
