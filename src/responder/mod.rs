@@ -251,12 +251,10 @@ impl<const N: usize> Responder<N> {
         self.led.at(now, &self.keep_alive)
     }
 
-    /// Returns the time at which the keep-alive timer runs out or the chain line is free, whichever is earlier.
-    /// [`tick`](Self::tick) must be called at this time. `None` if the timer does not run and the hub does not wait for
-    /// the chain line.
-    pub fn deadline(&self) -> Option<Micros> {
-        let chain = self.chain.as_ref().and_then(Chain::deadline);
-        self.keep_alive.deadline().into_iter().chain(chain).min()
+    /// Returns the time at which the keep-alive timer runs out, when [`tick`](Self::tick) must be called. `None` if the
+    /// timer does not run.
+    pub const fn deadline(&self) -> Option<Micros> {
+        self.keep_alive.deadline()
     }
 
     /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the

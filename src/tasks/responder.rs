@@ -176,7 +176,9 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         loop {
             let command = self.poll();
             let refresh = Instant::now() + REFRESH;
-            let due = self.responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
+            let chain = self.responder.chain.as_ref().filter(|_| may_ask_on_chain(self.wires));
+            let deadlines = [self.responder.deadline(), chain.and_then(|chain| chain.deadline())];
+            let due = deadlines.into_iter().flatten().map(instant).fold(refresh, Instant::min);
             let send = async {
                 match command {
                     Some(command) => self.wires.send(command).await,
@@ -299,8 +301,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
         note_sent_on_chain(responder);
     }
     let Some(chain) = &mut responder.chain else { return };
-    // An answer that has arrived is processed before `next` checks whether its time-out has passed.
-    if !wires.chain.received.is_empty() || wires.chain.send.is_full() {
+    if !may_ask_on_chain(wires) {
         return;
     }
     if wires.chain.received_bytes.try_take().is_some() {
@@ -309,6 +310,12 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
     if let Some(question) = chain.next(now) {
         let _ = wires.chain.send.try_send(question);
     }
+}
+
+/// True if the next question may be sent on the chain line. An answer that has arrived is processed before `Chain::next`
+/// checks whether its time-out has passed. While the answer waits, the time-out must not wake the task again and again.
+fn may_ask_on_chain<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> bool {
+    wires.chain.received.is_empty() && !wires.chain.send.is_full()
 }
 
 fn note_sent_on_chain<const N: usize>(responder: &mut Responder<N>) {

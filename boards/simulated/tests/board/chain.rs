@@ -2,8 +2,10 @@
 
 use crate::host::Served;
 use motor_hub::extension::Request;
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, ToPin};
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Packet, frame};
+use simulated::i2c::MEMORY_ADDRESS;
 use simulated::scenario::Scenario;
 use simulated::serve::LineFault;
 use simulated::serve::interventions::Interventions;
@@ -83,6 +85,22 @@ fn the_parent_answers_within_two_milliseconds_whatever_its_child_does() {
         chain.pass(100);
         assert!(chain.ask(Standard::KeepAlive, 3).is_some(), "{fault:?}");
     }
+}
+
+#[test]
+fn a_parent_that_waits_for_an_i2c_transfer_neither_hangs_nor_loses_the_answer_of_its_child() {
+    let mut chain = chain(&[PARENT, 1]);
+    let (bus, address) = (I2cBus::new(1).expect("1"), I2cAddress::new(MEMORY_ADDRESS).expect("in range"));
+    // A transfer of 10 ms. The poll waits 5 ms for the end of the transfer. The child answers the discovery within the
+    // first of these milliseconds, and its slot of 2 ms ends during the wait.
+    chain.send(ToPin::ReadI2c { bus, address, count: I2cCount::new(100).expect("100") }, PARENT);
+    let discovery = chain.send(Standard::Discovery, BROADCAST);
+    let poll = chain.send(ToPin::PollI2cRead { bus }, PARENT);
+    let answers = chain.pass(20);
+    assert!(answers.iter().any(|packet| (packet.source, packet.reference) == (PARENT, poll)), "{answers:?}");
+    assert!(answers.iter().any(|packet| (packet.source, packet.reference) == (1, discovery)), "{answers:?}");
+    chain.pass(600);
+    assert_eq!(chain.report(PARENT).answering.iter().collect::<Vec<_>>(), [1]);
 }
 
 #[test]
