@@ -86,6 +86,19 @@ fn a_motor_with_a_constant_current_becomes_no_faster_than_its_limit() {
 }
 
 #[test]
+fn an_unknown_light_motor_at_the_speed_limit_of_its_current_does_not_swing() {
+    for (name, period_ms) in [("AM 20 A", 50), ("AM 20 B", 10), ("AM 20 B", 50)] {
+        let motor = common::motor(name);
+        let limit = 0.3 * free_cps(&motor);
+        let mut bench = Bench::one(unknown(&motor), plant(motor, inertia(0.0)), period_ms);
+        bench.set(0, current(0.1 * stall_current(&motor), limit));
+        bench.run_ms(3_000);
+        let farthest = bench.highest(2_000, |bench| (bench.speed(0) - limit).abs()) / limit;
+        assert!(farthest < 0.02, "{name}, {period_ms} ms: {:.1} % off", 100.0 * farthest);
+    }
+}
+
+#[test]
 fn a_stalled_motor_keeps_its_current_limit_and_says_so() {
     for (name, motor) in motors().filter(|(_, motor)| BATTERY / motor.r.0 > 1.2) {
         for period in [1, 10, 50] {

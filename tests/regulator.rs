@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    BATTERY, Bench, Cable, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia, motor,
-    neverest_60, plant, position, rotors, rough, unknown, velocity, winding,
+    BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia,
+    motor, neverest_60, plant, position, rotors, rough, unknown, velocity, winding,
 };
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::model::catalogue::Motor;
@@ -13,7 +13,9 @@ use motor_hub::model::load::Load;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics, Kind};
-use motor_hub::units::{AccelerationPerVolt, Control, DecayRate, Micros, Millivolts, Period};
+use motor_hub::units::{
+    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Micros, Milliamperes, Millivolts, Period,
+};
 
 /// A NeveRest 60 with about its own inertia.
 fn known() -> Settings {
@@ -449,6 +451,88 @@ fn what_a_broken_encoder_taught_is_forgotten_at_its_fault() {
         let peak = bench.highest(3_000, |bench| bench.speed(0));
         let allowed = 1.3 * target.max(before);
         assert!(peak < allowed, "{name}, {cable:?}, {period_ms} ms: {peak:.0} of {allowed:.0} counts/s");
+    }
+}
+
+#[test]
+fn a_broken_encoder_teaches_an_unknown_motor_nothing_lasting_without_regulation() {
+    for name in ["AM 60 A", "AM 20 A"] {
+        for (cable, period_ms) in
+            [(Cable::OneWire, 10), (Cable::OneWire, 100), (Cable::Reversed, 10), (Cable::Reversed, 50)]
+        {
+            let current = Setpoint::Current {
+                current: Milliamperes::new(700),
+                speed_limit: CountsPerSecond::new(1_000),
+            };
+            let identify = Setpoint::Identify { travel_limit: 2_000 };
+            for unregulated in [Setpoint::ConstantPower(Control::new(16_000)), current, identify] {
+                let motor = motor(name);
+                let mut bench = Bench::one(unknown(&motor), plant(motor, Load::NONE), period_ms);
+                bench.axes[0].cable = cable;
+                bench.set(0, unregulated);
+                bench.run_ms(2_000);
+                bench.set(0, Setpoint::Disabled);
+                bench.run_ms(200);
+                bench.axes[0].cable = Cable::Plugged;
+                bench.run_ms(1_500);
+                bench.set(0, velocity(400));
+                let peak = bench.highest(3_000, |bench| bench.speed(0));
+                let context = format!("{name}, {cable:?}, {period_ms} ms, {unregulated:?}");
+                assert!(peak < 500.0, "{context}: {peak:.0} of 400 counts/s");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stop_at_constant_power_or_current_teaches_an_unknown_motor_nothing() {
+    let current =
+        Setpoint::Current { current: Milliamperes::new(2_000), speed_limit: CountsPerSecond::new(1_000) };
+    for name in ["AM 60 A", "AM 20 A"] {
+        for period_ms in [1, 10, 50] {
+            for (cps, blocked) in [5, 39, 1_000].into_iter().flat_map(|cps| {
+                [Setpoint::ConstantPower(Control::MAX), current].map(|blocked| (cps, blocked))
+            }) {
+                let motor = motor(name);
+                let mut bench = Bench::one(unknown(&motor), plant(motor, Load::NONE), period_ms);
+                bench.set(0, velocity(cps));
+                bench.run_ms(2_000);
+                let at = bench.counts(0);
+                bench.axes[0].stops = (at - 2.0, at + 2.0);
+                bench.set(0, blocked);
+                bench.run_ms(600);
+                bench.axes[0].stops = NO_STOPS;
+                bench.set(0, Setpoint::Disabled);
+                bench.run_ms(1_500);
+                bench.set(0, velocity(500));
+                let peak = bench.highest(1_500, |bench| bench.speed(0));
+                let context = format!("{name}, {period_ms} ms, after {cps} counts/s, {blocked:?}");
+                assert!(peak < 600.0, "{context}: {peak:.0} of 500 counts/s");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_load_that_comes_together_with_a_brake_teaches_an_unknown_motor_nothing() {
+    for name in ["AM 60 A", "AM 20 A"] {
+        for period_ms in [1, 10, 50] {
+            let motor = motor(name);
+            let (free, stall_current) = (free_cps(&motor), BATTERY / motor.r.0);
+            let mut bench = Bench::one(unknown(&motor), plant(motor, Load::NONE), period_ms);
+            bench.set(0, velocity((0.3 * free) as i32));
+            bench.run_ms(1_000);
+            bench.set(0, velocity((-0.1 * free) as i32));
+            bench.run_ms(500);
+            bench.axes[0].torque = -0.3 * stall_current * motor.kt.0 * motor.gear_ratio * motor.eta;
+            bench.set(0, Setpoint::ConstantPower(Control::ZERO));
+            bench.run_ms(1_000);
+            bench.axes[0].torque = 0.0;
+            bench.run_ms(1_000);
+            bench.set(0, velocity((0.12 * free) as i32));
+            let peak = bench.highest(2_000, |bench| bench.speed(0)) / (0.12 * free);
+            assert!(peak < 1.2, "{name}, {period_ms} ms: {peak:.2} of the requested speed");
+        }
     }
 }
 

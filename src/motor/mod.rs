@@ -312,6 +312,9 @@ impl Motor {
                 Transition::Target
             };
             self.regulator.transition(transition);
+            if let Setpoint::Current { .. } = from {
+                self.regulator.discard_untrusted();
+            }
         }
         match (&self.state, to) {
             (MotorState::Regulated(_), to) if to.is_regulated() => (),
@@ -630,7 +633,7 @@ impl Motor {
         } else {
             self.command = None;
             self.pulses.stop();
-            self.regulator.drive(None);
+            self.regulator.drive(None, false);
         }
     }
 
@@ -640,7 +643,9 @@ impl Motor {
         if !open {
             command.bridge.voltage = self.after_change(command.bridge);
         }
-        self.regulator.drive((!open).then_some(command.bridge));
+        let uses_speed =
+            command.request.target.is_some() || matches!(self.setpoint, Setpoint::Current { .. });
+        self.regulator.drive((!open).then_some(command.bridge), uses_speed);
         // While a limit opens the bridge, the applied voltage is the back EMF, and the identification continues with
         // this voltage.
         if let MotorState::Identifying(identifier) = &mut self.state {

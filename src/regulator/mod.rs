@@ -134,7 +134,9 @@ pub struct Regulator {
     position_target: Option<i32>,
     /// Time in ms for which the encoder of a motor that should turn has sent no count.
     stalled_ms: u32,
-    /// Speed that the last output should reach; 0 while the bridge is open.
+    /// True if the bridge's command follows from the estimated speed.
+    uses_speed: bool,
+    /// Speed that the last output should reach; 0 while the bridge is open, and without a demand.
     requested: CountsPerSecond,
     /// Voltage across the motor in V; `None` while the bridge is open.
     volts: Option<f32>,
@@ -161,6 +163,7 @@ impl Regulator {
             predicted_until: Micros::new(0),
             position_target: None,
             stalled_ms: 0,
+            uses_speed: false,
             requested: CountsPerSecond::ZERO,
             volts: None,
             is_discontinuous: false,
@@ -260,10 +263,7 @@ impl Regulator {
         self.stalled_ms = 0;
         if leaves_stop {
             self.forget_load();
-            // The encoder may be reversed, so an estimate from an encoder that is not trusted is discarded.
-            if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
-                estimate.discard(&self.plant);
-            }
+            self.discard_untrusted();
         }
         self.loops.begin(match transition {
             Transition::OpenBridge => Start::Resume,
@@ -303,7 +303,9 @@ impl Regulator {
                 || should_stand
                 || silence_us >= UNCERTAIN_EDGE_MICROS
                     && (counts_due(self.requested) || missed_counts >= UNCERTAIN_COUNTS);
-            estimate.correct(&self.plant, &correction, moved, self.volts, moved != 0 || !uncertain);
+            // In open loop nothing depends on the gain, and a brake may come together with the load of a motor.
+            let learns = self.uses_speed && (moved != 0 || !uncertain);
+            estimate.correct(&self.plant, &correction, moved, self.volts, learns);
         }
     }
 
@@ -386,6 +388,14 @@ impl Regulator {
         self.set_gain_ratio(1.0, settings, period);
         if let Some(estimate) = &mut self.gain_estimate {
             estimate.learn_again();
+        }
+    }
+
+    /// Discards what an encoder that is not trusted has taught about an unknown motor: the encoder may be reversed. Must be
+    /// called when a motor leaves a constant current, in which nothing else checks the encoder.
+    pub fn discard_untrusted(&mut self) {
+        if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
+            estimate.discard(&self.plant);
         }
     }
 
@@ -521,7 +531,8 @@ impl Regulator {
 
     /// Limits a voltage so that the motor does not become faster than `limit` in the direction of its current. A
     /// motor that is already faster brakes. Its braking current is at most as large as the current of the voltage.
-    pub fn limit_speed(&self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
+    pub fn limit_speed(&mut self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
+        self.end_demand();
         let emf = at.emf_volts();
         let beyond_emf = voltage.to_volts() - emf;
         let side = 1.0f32.copysign(beyond_emf);
@@ -641,18 +652,28 @@ impl Regulator {
         }
     }
 
+    /// Notes that no speed is requested.
+    const fn end_demand(&mut self) {
+        self.requested = CountsPerSecond::ZERO;
+        self.observer.set_speed_demanded(false);
+    }
+
     /// Sets the requested voltage less the voltage within the motor's limits, in V. While the request exceeds the
     /// limits, the integral of PID does not grow.
     pub const fn set_excess(&mut self, volts: f32) {
         self.loops.excess_volts = volts;
     }
 
-    /// Sets the command that the bridge executes from now on, with its voltage; `None` if the bridge is open.
-    pub fn drive(&mut self, command: Option<Modulation>) {
+    /// Sets the command that the bridge executes from now on, with its voltage; `None` if the bridge is open. `uses_speed` is
+    /// true if the command follows from the estimated speed. Otherwise no speed is requested, and nothing is learned about
+    /// an unknown motor.
+    pub fn drive(&mut self, command: Option<Modulation>, uses_speed: bool) {
         if command.is_none() {
             self.transition(Transition::OpenBridge);
-            self.requested = CountsPerSecond::ZERO;
-            self.observer.set_speed_demanded(false);
+        }
+        self.uses_speed = uses_speed && command.is_some();
+        if !self.uses_speed {
+            self.end_demand();
         }
         self.volts = command.map(|command| command.voltage.to_volts());
         self.is_discontinuous =
