@@ -249,14 +249,16 @@ fn check_time(key: &str, at_s: Option<f64>, duration_s: f64) -> Result<(), Strin
 /// Index of a label among the labels of motors or groups.
 fn find<'a>(
     what: &str,
-    label: &str,
+    label: &Spanned<String>,
     known: impl Iterator<Item = &'a String> + Clone,
-) -> Result<usize, String> {
-    known.clone().position(|other| other == label.trim()).ok_or_else(|| {
+) -> Checked<usize> {
+    let given = label.get_ref();
+    let index = known.clone().position(|other| other == given.trim()).ok_or_else(|| {
         let labels: Vec<&str> = known.map(String::as_str).collect();
         if labels.is_empty() {
-            return format!("no {what} has the label {label:?}; the scenario has no {what}s");
+            return format!("no {what} has the label {given:?}; the scenario has no {what}s");
         }
-        format!("no {what} has the label {label:?}; labels are {}", labels.join(", "))
-    })
+        format!("no {what} has the label {given:?}; labels are {}", labels.join(", "))
+    });
+    index.at(label)
 }

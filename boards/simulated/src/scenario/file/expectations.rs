@@ -2,6 +2,7 @@
 //! motor and a group, the expectations are about every motor or about the battery.
 
 use super::{check_time, find};
+use crate::scenario::error::Checked;
 use crate::scenario::expectation::{Expectation, Expected, Quantity, Subject, regime_name};
 use crate::scenario::numbers::{
     BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, one_of,
@@ -11,12 +12,13 @@ use motor_hub::braking::Regime;
 use motor_hub::record::Fault;
 use serde::{Deserialize, Deserializer};
 use std::ops::Range;
+use toml::Spanned;
 
 #[derive(Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct ExpectTable {
-    motor: Option<String>,
-    group: Option<String>,
+    motor: Option<Spanned<String>>,
+    group: Option<Spanned<String>>,
     from_s: Option<f64>,
     to_s: Option<f64>,
     settles_within_s: Option<SettlingTime>,
@@ -59,7 +61,7 @@ impl ExpectTable {
         motors: &[Motor],
         groups: &[Group],
         duration_s: f64,
-    ) -> Result<Vec<Expectation>, String> {
+    ) -> Checked<Vec<Expectation>> {
         let window_s = self.window(duration_s)?;
         let mut expectations = Vec::new();
         for expected in self.expected()? {
@@ -71,7 +73,7 @@ impl ExpectTable {
             }));
         }
         if expectations.is_empty() {
-            return Err("an expectation needs at least one key of a motor, a group or the battery".to_owned());
+            return Err("an expectation needs at least one key of a motor, a group or the battery".into());
         }
         // All expectations of a motor follow each other.
         expectations.sort_by_key(|expectation| expectation.subject);
@@ -79,30 +81,25 @@ impl ExpectTable {
     }
 
     /// The subjects that an expected quantity, regime or fault of the table is about.
-    fn subjects(
-        &self,
-        expected: &Expected,
-        motors: &[Motor],
-        groups: &[Group],
-    ) -> Result<Vec<Subject>, String> {
+    fn subjects(&self, expected: &Expected, motors: &[Motor], groups: &[Group]) -> Checked<Vec<Subject>> {
         let quantity = match expected {
             Expected::Quantity(quantity, _) => Some(quantity),
             _ => None,
         };
         let subjects = match (&self.motor, &self.group) {
-            (Some(_), Some(_)) => return Err("an expectation has a motor or a group, not both".to_owned()),
+            (Some(_), Some(_)) => return Err("an expectation has a motor or a group, not both".into()),
             (None, Some(label)) => {
                 let index = find("group", label, groups.iter().map(|group| &group.label))?;
                 let has_base = groups.get(index).is_some_and(|group| group.base.is_some());
                 match quantity {
-                    Some(Quantity::HeadingError) if !has_base => return Err(HEADING_OF_BASE.to_owned()),
+                    Some(Quantity::HeadingError) if !has_base => return Err(HEADING_OF_BASE.into()),
                     Some(Quantity::SettlingTime | Quantity::HeadingError) => vec![Subject::Group(index)],
-                    _ => return Err(OF_GROUPS.to_owned()),
+                    _ => return Err(OF_GROUPS.into()),
                 }
             }
-            _ if quantity == Some(&Quantity::HeadingError) => return Err(HEADING_OF_BASE.to_owned()),
+            _ if quantity == Some(&Quantity::HeadingError) => return Err(HEADING_OF_BASE.into()),
             (Some(_), None) if quantity == Some(&Quantity::Bus) => {
-                return Err("bus_between_v is about the battery; remove motor".to_owned());
+                return Err("bus_between_v is about the battery; remove motor".into());
             }
             (Some(label), None) => {
                 vec![Subject::Motor(find("motor", label, motors.iter().map(|motor| &motor.label))?)]

@@ -16,7 +16,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(super) struct GroupTable {
     pub(super) label: Name,
-    motors: Vec<String>,
+    motors: Vec<Spanned<String>>,
     base: Option<BaseTable>,
     #[serde(default)]
     halt: Halt,
@@ -74,14 +74,14 @@ impl GroupTable {
         Ok(Group { label: self.label.0.clone(), motors, base, use_gyro, courses })
     }
 
-    fn members(&self, all: &[Motor]) -> Result<Vec<usize>, String> {
+    fn members(&self, all: &[Motor]) -> Checked<Vec<usize>> {
         let mut members = Vec::new();
         for label in &self.motors {
             members.push(find("motor", label, all.iter().map(|motor| &motor.label))?);
         }
         let different = members.iter().collect::<BTreeSet<_>>().len();
         if different < members.len() || members.len() < 2 {
-            return Err("a group needs two motors or more, each named once".to_owned());
+            return Err("a group needs two motors or more, each named once".into());
         }
         Ok(members)
     }

@@ -34,7 +34,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(super) struct MotorTable {
     pub(super) label: Name,
-    motor: Option<String>,
+    motor: Option<Spanned<String>>,
     constants: Option<ConstantsTable>,
     #[serde(default)]
     inertia: Inertia,
@@ -249,11 +249,13 @@ impl MotorTable {
     }
 
     /// Constants of the motor with friction and cogging, which are shares of its stall torque.
-    fn constants(&self) -> Result<catalogue::Motor, String> {
+    fn constants(&self) -> Checked<catalogue::Motor> {
         let mut motor = match (&self.motor, &self.constants) {
-            (Some(name), None) => characterised(name).map_err(|unknown| unknown.to_string())?,
+            (Some(name), None) => {
+                characterised(name.get_ref()).map_err(|unknown| unknown.to_string()).at(name)?
+            }
             (None, Some(table)) => table.into(),
-            _ => return Err("a motor needs either motor = \"NAME\" or constants = { .. }".to_owned()),
+            _ => return Err("a motor needs either motor = \"NAME\" or constants = { .. }".into()),
         };
         let share =
             |percent: Percent| si::NewtonMetres(percent.0 / 100.0 * motor.stall_torque(si::Volts(12.0)).0);
@@ -262,7 +264,9 @@ impl MotorTable {
             friction = Friction::with_coulomb(share(coulomb_percent));
             if let Some(breakaway) = breakaway_percent {
                 if breakaway.0 < coulomb_percent.0 {
-                    return Err(out_of_range("breakaway_percent", breakaway.0, coulomb_percent.0..=100.0));
+                    return Err(
+                        out_of_range("breakaway_percent", breakaway.0, coulomb_percent.0..=100.0).into()
+                    );
                 }
                 friction.breakaway = share(breakaway);
             }
