@@ -262,6 +262,9 @@ impl Relay {
                 Err("only the first hub can be updated here: start the dashboard with --address of the other hub"
                     .into())
             }
+            PageRequest::Update { .. } if self.update.is_some() => {
+                Err("an update is running: wait for its end, then send the file again".into())
+            }
             PageRequest::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
                 update::begin(session, image, version, seal.as_ref()).map(|update| self.update = Some(update))
@@ -444,7 +447,8 @@ impl Relay {
         self.send_notice(error.to_string(), lost == shown);
         if lost == shown {
             self.given_way_at = Some(Instant::now());
-            (self.identification, self.playing, self.saving) = (None, None, None);
+            (self.identification, self.playing) = (None, None);
+            self.lose_save(&error.to_string());
             if let Err(error) = self.query_hub() {
                 self.handle_error(&error);
             }
@@ -569,7 +573,7 @@ impl Relay {
         self.session = None;
         (self.identification, self.playing) = (None, None);
         self.connect_at = Instant::now() + RECONNECT_INTERVAL;
-        self.saving = None;
+        self.lose_save(why);
         // An update continues while the hub restarts, because the hub is silent during the restart.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
             self.send_to_all(&Message::Update(update::failed(&update, why)));
@@ -654,13 +658,7 @@ impl Relay {
         if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let (which, verb, done) = match what {
-            HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
-            HubFunction::Reset => {
-                ("the stored settings", "reset", "the firmware's settings are in force and stored")
-            }
-            _ => ("settings", "saved", "settings are saved"),
-        };
+        let (which, verb, done) = access_texts(what);
         let is_save = matches!(what, HubFunction::Save);
         self.saving = None;
         let failure = result.map(|report| report.as_ref().and_then(why_unsaved));
@@ -678,6 +676,14 @@ impl Relay {
         };
         self.send_notice(text, false);
         Ok(())
+    }
+
+    /// Ends a running save, load or reset because its hub was lost, and sends a notice.
+    fn lose_save(&mut self, why: &str) {
+        if let Some((what, _)) = self.saving.take() {
+            let (which, verb, _) = access_texts(&what);
+            self.send_notice(format!("whether {which} are {verb} is unknown: {why}"), false);
+        }
     }
 
     fn send_settings(&mut self, motor: u8) -> Result<(), Error> {
@@ -725,6 +731,17 @@ impl Relay {
         if let Some(outbox) = self.senders.get(&id) {
             outbox.send(answer.text());
         }
+    }
+}
+
+/// Texts about a save, load or reset: the settings concerned, what is done to them, and the notice after it.
+const fn access_texts(what: &HubFunction) -> (&'static str, &'static str, &'static str) {
+    match what {
+        HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
+        HubFunction::Reset => {
+            ("the stored settings", "reset", "the firmware's settings are in force and stored")
+        }
+        _ => ("settings", "saved", "settings are saved"),
     }
 }
 

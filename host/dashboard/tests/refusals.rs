@@ -472,6 +472,17 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
 }
 
 #[test]
+fn a_save_whose_hub_is_lost_ends_with_a_notice() {
+    let mut hub = Hub { ends_accesses: false, ..Hub::new() };
+    hub.responder.restore(Found::default());
+    let (server, mut page) = page_of_server(hub, None);
+    page.order("save", Value::Null);
+    // The hub loses all three transmissions of one request.
+    server.hub().deaf_for = 3;
+    page.notice("whether settings are saved is unknown: hub 3 does not answer");
+}
+
+#[test]
 fn firmware_with_half_a_byte_is_refused() {
     let mut page = page_of(vec![Hub::new()]);
     for hex in ["abc", "+f", "xy"] {
@@ -488,6 +499,8 @@ fn a_dashboard_that_ends_while_the_hub_checks_new_firmware_leaves_no_armed_image
     page.order("firmware", json!({ "offset": 0, "hex": "0000022099010208" }));
     page.order("update", json!({ "version": "new" }));
     page.notice("The hub checks the firmware.");
+    let why = page.refused("update", json!({ "version": "second" }));
+    assert_eq!(why, "an update is running: wait for its end, then send the file again");
     page.connection.relay.end("the server has ended");
     drop(page);
     let report = Session::open(&server.address).unwrap().update_state().unwrap();
