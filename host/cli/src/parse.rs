@@ -33,7 +33,8 @@ pub(crate) fn address(text: &str) -> Result<Address, String> {
 
 /// Checks that the text has the form HOST:PORT. The connection is made later.
 pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
-    if is_tcp(text) {
+    let port = text.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
+    if is_tcp(text) && port.is_some() {
         Ok(text.to_owned())
     } else {
         Err("give HOST:PORT, such as 127.0.0.1:7070; a port is 0 to 65535".to_owned())

@@ -121,6 +121,9 @@ pub enum OpenError {
     /// The user has no permission to open the serial port.
     #[error("permission denied")]
     Denied,
+    /// The port of a TCP address is out of range.
+    #[error("a TCP port is a whole number from 1 to 65535")]
+    NotATcpPort,
     /// The host name has no address.
     #[error("no such host")]
     NoSuchHost,

@@ -66,8 +66,12 @@ impl Line {
     /// `timeout`.
     ///
     /// # Errors
-    /// The host does not exist, or no program listens at the port.
+    /// The port is not 1 to 65535, the host does not exist, or no program listens at the port.
     pub fn tcp(address: &str, timeout: Duration) -> Result<Self, OpenError> {
+        let port = address.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
+        if port.is_none_or(|port| port == 0) {
+            return Err(OpenError::NotATcpPort);
+        }
         let mut failure = OpenError::NoSuchHost;
         for address in address.to_socket_addrs()? {
             match TcpStream::connect_timeout(&address, timeout) {
@@ -85,11 +89,12 @@ impl Line {
     }
 }
 
-/// True for `HOST:PORT`. No serial port has such a name.
+/// True for `HOST:PORT`, also if the port is out of range. No serial port has such a name.
 #[must_use]
 pub fn is_tcp(place: &str) -> bool {
     let parts = place.rsplit_once(':');
-    parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
+    let is_number = |port: &str| !port.is_empty() && port.bytes().all(|digit| digit.is_ascii_digit());
+    parts.is_some_and(|(host, port)| !host.is_empty() && is_number(port))
 }
 
 /// A serial port of this machine.

@@ -6,14 +6,14 @@ use crate::output::Failure;
 use crate::parse::{address, host_and_port, whole};
 use clap::builder::NonEmptyStringValueParser;
 use motor_hub::protocol::Address;
-use motor_hub_client::line::Line;
+use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 
 /// Line and address of the hub.
 #[derive(clap::Args)]
 pub(super) struct HubOptions {
-    /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
+    /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1); or HOST:PORT, as with --tcp
     #[arg(long, value_name = "PATH", global = true, help_heading = "Hub", value_parser = NonEmptyStringValueParser::new())]
     port: Option<String>,
     /// TCP address of the hub, instead of --port
@@ -39,7 +39,7 @@ impl HubOptions {
 
     fn line(&self) -> Result<Line, Failure> {
         let (name, line) = match (&self.port, &self.tcp) {
-            (Some(path), None) => (path, Line::serial(path)),
+            (Some(path), None) => (path, Line::open(path, self.timeout())),
             (None, Some(address)) => (address, Line::tcp(address, self.timeout())),
             (Some(_), Some(_)) => return Err(Failure::input("--port and --tcp exclude each other")),
             (None, None) => {
@@ -89,7 +89,7 @@ impl HubOptions {
         let name: String = self.places().collect();
         Failure::Work(match error {
             Error::Parents { .. } => format!("{name}: {error}; choose a hub by --address"),
-            _ if self.tcp.is_some() && error.is_hung_up() => format!(
+            _ if is_tcp(&name) && error.is_hung_up() => format!(
                 "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
             ),
             _ => format!("{name}: {error}"),
