@@ -3,7 +3,7 @@
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::repeat;
-use super::together::{enable_with_power_0, run_group, time_over};
+use super::together::{enable_with_power_0, run_group};
 use crate::output::{Failure, print, print_as, print_error_line};
 use crate::parse::{number, within_a_day};
 use motor_hub::extension::base::OdometryReport;
@@ -23,7 +23,8 @@ const POLL: Duration = Duration::from_millis(50);
 ///
 /// The options that describe the base configure it, and the base then starts at the origin. Without these options the
 /// command uses the base that the hub has, and the base continues from its present position. `settings save` stores
-/// the base.
+/// the base. The command fails (exit code 1) if the wheels make no progress for 5 s, for example because a wheel is held
+/// fast.
 ///
 /// The hub computes the position of the base: `odometry` shows the position afterwards. With --use-gyro the hub reads
 /// a BNO055 on I2C bus 0, and the base holds the heading of the gyro, even if wheels slip or differ. If the gyro fails,
@@ -137,13 +138,11 @@ impl Options {
                 // Each part begins at the target positions of the part before, so that errors of the parts do not add
                 // up.
                 let (to, wanted) = command(&base, at, part)?;
-                if !run_group(driven, &base.wheels, wanted, self.length)? {
-                    let what = match part {
-                        Part::Straight(mm) => format!("straight={mm} not finished"),
-                        Part::Turn(degrees) => format!("turn={degrees} not finished"),
-                    };
-                    return Err(time_over(driven, &base.wheels, &what, self.length)?);
-                }
+                let what = match part {
+                    Part::Straight(mm) => format!("straight={mm} not finished"),
+                    Part::Turn(degrees) => format!("turn={degrees} not finished"),
+                };
+                run_group(driven, &base.wheels, wanted, self.length, &what)?;
                 at = to;
                 let report = driven.odometry()?;
                 if report.losses != losses {

@@ -109,6 +109,8 @@ pub(crate) enum Drive {
         speed: Speed,
     },
     /// Moves motors to a position, then disables them
+    ///
+    /// The command fails (exit code 1) if the motors make no progress for 5 s, for example because they are held fast.
     Position {
         #[command(flatten)]
         common: Common,
@@ -173,7 +175,7 @@ impl Drive {
             let settled =
                 follow(driven, &motion.motors, motion.counts_per_turn, motion.length, |session, reading| {
                     motion.check(session)?;
-                    Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
+                    progress.observe(reading.at, &reading.bulk, reading.report.as_ref())
                 })?;
             if !settled {
                 progress.judge()?;

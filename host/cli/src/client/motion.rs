@@ -1,10 +1,12 @@
-//! Motions of `power`, `current`, `velocity` and `position`, and whether motors reach their set-points.
+//! Motions of `power`, `current`, `velocity` and `position`, and whether motors reach their set-points. Also ends motions
+//! to positions, alone or in a group, that make no progress.
 
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
 use crate::output::{Failure, print_error_line};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
+use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::{CountsPerSecond, Millivolts, Period};
 use motor_hub_client::error::none_if_unsupported;
@@ -96,6 +98,75 @@ pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(),
     Ok(())
 }
 
+/// Longest time without progress in a motion to positions. Motors that pause on their way, for example at a breakaway
+/// friction, go on within this time.
+const LONGEST_STANDSTILL: Duration = Duration::from_secs(5);
+
+/// Distance in counts that the fastest motor of a motion covers in the additional time that a slow motion gets. It is the
+/// smallest usual lag of a group, by which the reference of a motor with friction may run ahead before the motor turns.
+const SLOWEST_START_COUNTS: f64 = 24.0;
+
+/// Detects that a motion to positions makes no progress: no motor gets to a position where it has not been since the
+/// start. A motor that oscillates about a place makes no progress.
+pub(super) struct StandstillDetector {
+    /// Target of each motor of the motion, in counts.
+    targets: [Option<i32>; CHANNELS],
+    /// Longest time without progress.
+    limit: Duration,
+    /// Positions of all motors at the start; `None` before the first reading.
+    start: Option<[i32; CHANNELS]>,
+    /// Least and largest distance of each motor from its start, in counts.
+    extents: [(i32, i32); CHANNELS],
+    /// Time of the last progress since the start.
+    progress_at: Duration,
+}
+
+impl StandstillDetector {
+    /// `speed_cps` is the speed of the fastest motor in counts per second.
+    pub(super) fn new(targets: [Option<i32>; CHANNELS], speed_cps: f64) -> Self {
+        let start = Duration::try_from_secs_f64(SLOWEST_START_COUNTS / speed_cps).unwrap_or(Duration::MAX);
+        let limit = LONGEST_STANDSTILL.saturating_add(start);
+        Self { targets, limit, start: None, extents: [(0, 0); CHANNELS], progress_at: Duration::ZERO }
+    }
+
+    /// Takes the encoder positions of all motors. `at` is the time of the reading since the start. Returns true if the
+    /// motion has made no progress for too long.
+    pub(super) fn step(&mut self, at: Duration, positions: [i32; CHANNELS]) -> bool {
+        let start = *self.start.get_or_insert(positions);
+        let moved = positions.into_iter().zip(start).map(|(position, start)| position.wrapping_sub(start));
+        for ((moved, (least, most)), target) in moved.zip(&mut self.extents).zip(self.targets) {
+            if target.is_some() && !(*least..=*most).contains(&moved) {
+                self.progress_at = at;
+            }
+            (*least, *most) = (moved.min(*least), moved.max(*most));
+        }
+        at.saturating_sub(self.progress_at) > self.limit
+    }
+
+    /// Returns the failure of a motion without progress. The failure names the motors that are not within the tolerance
+    /// of their targets, and the reasons of motors that do not turn. `positions` are positions to which the targets apply.
+    pub(super) fn failure(
+        &self,
+        positions: [i32; CHANNELS],
+        tolerance: u16,
+        report: Option<&HubReport>,
+    ) -> Failure {
+        let mut motors = String::new();
+        for ((motor, position), target) in positions.into_iter().enumerate().zip(self.targets) {
+            let missed = |target: &i32| target.wrapping_sub(position).unsigned_abs() > u32::from(tolerance);
+            if let Some(target) = target.filter(missed) {
+                let why = report.and_then(|report| why_still(report, motor));
+                let why = why.map_or(String::new(), |why| format!(" ({why})"));
+                motors += &format!("; motor {motor} stands at {position} counts instead of {target}{why}");
+            }
+        }
+        if motors.is_empty() {
+            motors = "; the motors are within tolerance of their targets, but have not settled".to_owned();
+        }
+        Failure::Work(format!("no progress for {:.0} s{motors}", self.limit.as_secs_f64()))
+    }
+}
+
 /// Longest control period of a hub, in milliseconds.
 const LONGEST_PERIOD_MS: u32 = 100;
 
@@ -114,6 +185,7 @@ pub(super) struct Progress<'a> {
     /// Time between two readings.
     interval: Period,
     velocities: VecDeque<(Duration, [i16; 4])>,
+    standstill_detector: StandstillDetector,
     /// Last report of the hub.
     report: Option<HubReport>,
 }
@@ -123,19 +195,51 @@ impl<'a> Progress<'a> {
     pub(super) fn new(motion: &'a Motion, interval: Duration) -> Self {
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
         let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
-        let settle_detector = SettleDetector::default();
-        Self { motion, settle_detector, interval, velocities: VecDeque::new(), report: None }
+        let (target, speed) = match motion.setpoint {
+            Setpoint::Position { counts, speed_limit, .. } => (Some(counts), speed_limit.into()),
+            _ => (None, f64::INFINITY),
+        };
+        let takes_part = |motor: usize| motion.motors.iter().any(|other| usize::from(*other) == motor);
+        let targets = std::array::from_fn(|motor| target.filter(|_| takes_part(motor)));
+        Self {
+            motion,
+            settle_detector: SettleDetector::default(),
+            interval,
+            velocities: VecDeque::new(),
+            standstill_detector: StandstillDetector::new(targets, speed),
+            report: None,
+        }
     }
 
     /// Takes a reading. `at` is the time of the reading since the start. Returns true once all motors have settled at a
     /// position. `report` is `None` if the hub sends no reports.
-    pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk, report: Option<&HubReport>) -> bool {
+    ///
+    /// # Errors
+    /// The motors make no progress towards their position.
+    pub(super) fn observe(
+        &mut self,
+        at: Duration,
+        bulk: &Bulk,
+        report: Option<&HubReport>,
+    ) -> Result<bool, Failure> {
         self.report = report.cloned();
         self.velocities.push_back((at, bulk.velocities));
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
         }
-        let Motion { setpoint: Setpoint::Position { .. }, motors, .. } = self.motion else { return false };
+        let Setpoint::Position { tolerance, .. } = self.motion.setpoint else { return Ok(false) };
+        if self.have_settled(bulk, report) {
+            return Ok(true);
+        }
+        if self.standstill_detector.step(at, bulk.encoders) {
+            return Err(self.standstill_detector.failure(bulk.encoders, tolerance, report));
+        }
+        Ok(false)
+    }
+
+    /// True once all motors have settled at their position.
+    fn have_settled(&mut self, bulk: &Bulk, report: Option<&HubReport>) -> bool {
+        let motors = &self.motion.motors;
         if let Some(report) = report {
             let settled = |motor: &u8| report.motors.get(usize::from(*motor)).is_some_and(|of| of.settled);
             return motors.iter().all(settled);
@@ -219,7 +323,7 @@ mod tests {
             let motion = motion(Setpoint::Velocity(wanted));
             let mut progress = progress(&motion);
             for (n, cps) in (0..).zip(velocities) {
-                progress.observe(Duration::from_millis(100 * n), &bulk(*cps), None);
+                progress.observe(Duration::from_millis(100 * n), &bulk(*cps), None).unwrap();
             }
             assert_eq!(progress.judge().is_ok(), reached, "{wanted} {velocities:?}");
         }
@@ -230,9 +334,9 @@ mod tests {
         let motion = motion(POSITION);
         let mut progress = progress(&motion);
         let at = |n: u64| Duration::from_millis(50 * n);
-        assert!(!progress.observe(at(0), &bulk(900), None));
-        assert!(!progress.observe(at(1), &bulk(20), None));
-        assert!(progress.observe(at(2), &bulk(0), None));
+        assert!(!progress.observe(at(0), &bulk(900), None).unwrap());
+        assert!(!progress.observe(at(1), &bulk(20), None).unwrap());
+        assert!(progress.observe(at(2), &bulk(0), None).unwrap());
     }
 
     #[test]
@@ -244,8 +348,29 @@ mod tests {
             ..HubReport::default()
         };
         for _ in 0..10 {
-            assert!(!progress.observe(Duration::ZERO, &bulk(0), Some(&report(false))));
+            assert!(!progress.observe(Duration::ZERO, &bulk(0), Some(&report(false))).unwrap());
         }
-        assert!(progress.observe(Duration::ZERO, &bulk(0), Some(&report(true))));
+        assert!(progress.observe(Duration::ZERO, &bulk(0), Some(&report(true))).unwrap());
+    }
+
+    #[test]
+    fn a_motion_ends_when_no_motor_gets_to_a_new_position_for_five_seconds() {
+        let targets = [Some(0), Some(900), None, None];
+        // Motor 0 rocks at its target, motor 1 stops after 3 s, and motor 2 does not take part.
+        let positions = |s: i32| [s % 2, 100 * s.min(3), 7 * s, 0];
+        let mut detector = StandstillDetector::new(targets, 1000.0);
+        for s in 0..=9 {
+            assert_eq!(detector.step(Duration::from_secs(s as u64), positions(s)), s == 9, "{s} s");
+        }
+        let failure = detector.failure(positions(9), 5, None).to_string();
+        assert_eq!(failure, "no progress for 5 s; motor 1 stands at 300 counts instead of 900");
+        let failure = detector.failure([1, 896, 0, 0], 5, None).to_string();
+        assert!(failure.ends_with("within tolerance of their targets, but have not settled"), "{failure}");
+        // A motion at 1 count/s may take 24 s longer to begin.
+        let mut slow = StandstillDetector::new(targets, 1.0);
+        assert_eq!(
+            [0, 28, 30].map(|s| slow.step(Duration::from_secs(s), [0; CHANNELS])),
+            [false, false, true]
+        );
     }
 }

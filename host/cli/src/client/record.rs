@@ -150,7 +150,7 @@ impl Recorder {
         let at = since.elapsed();
         let settled = progress.observe(at, &bulk, report.as_ref());
         if !recorded {
-            return Ok(settled);
+            return settled;
         }
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
@@ -170,7 +170,7 @@ impl Recorder {
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
         self.slowest = self.slowest.max(begun.elapsed());
-        Ok(settled)
+        settled
     }
 
     /// Current of a motor in amperes; `None` once the hub has refused to report it.

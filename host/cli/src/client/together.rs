@@ -2,7 +2,7 @@
 
 use super::drive;
 use super::hub::HubOptions;
-use super::motion::{reasons, warn_of};
+use super::motion::{StandstillDetector, reasons, warn_of};
 use super::motors_off::{DrivingSession, names};
 use super::readings::motors_of;
 use crate::output::{Failure, print};
@@ -17,7 +17,8 @@ use std::time::Duration;
 
 /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
 ///
-/// All motors travel in proportion. If a motor lags, the others wait for it.
+/// All motors travel in proportion. If a motor lags, the others wait for it. On the way to positions the command fails
+/// (exit code 1) if no motor makes progress for 5 s, for example because a motor is held fast.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500; of another hub of a chain as 3:0=1000
@@ -74,11 +75,7 @@ impl Options {
             }
             let wanted = self.wanted(session, values)?;
             enable_with_power_0(session, &motors)?;
-            let settled = run_group(session, &motors, wanted, self.length)?;
-            if !settled && !self.on {
-                return Err(time_over(session, &motors, "targets not reached", self.length)?);
-            }
-            Ok(settled)
+            run_group(session, &motors, wanted, self.length, "targets not reached")
         })?;
         if settled {
             print("all motors settled\n")?;
@@ -140,18 +137,26 @@ impl Options {
 /// stops within this time at the default acceleration.
 const LONGEST_HALT: Duration = Duration::from_secs(2);
 
-/// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
+/// Starts a group and shows its motion. Returns true if all motors have settled, false if the time of a motion at speeds is
+/// over.
 ///
 /// # Errors
-/// A motor has left the group, by a fault or because the hub has disabled it. The other motors have then stopped in
-/// step, unless that takes longer than [`LONGEST_HALT`].
+/// The group is too slow, or makes no progress, on the way to its positions; `what` then says what the group has not done.
+/// Or a motor has left the group, by a fault or because the hub has disabled it. The other motors have then stopped in step,
+/// unless that takes longer than [`LONGEST_HALT`].
 pub(super) fn run_group(
     session: &mut Session,
     motors: &[u8],
     wanted: GroupCommand<GroupCourse>,
     length: Option<Duration>,
+    what: &str,
 ) -> Result<bool, Failure> {
     let Some(&first) = motors.first() else { return Ok(false) };
+    let targets = match wanted.course {
+        GroupCourse::Position(targets) => Some(targets),
+        GroupCourse::Velocity(_) => None,
+    };
+    let mut standstill = targets.map(|targets| StandstillDetector::new(targets, wanted.speed.to_f64().abs()));
     session.move_together(first, wanted)?;
     let mut lost: Vec<u8> = Vec::new();
     let mut lost_at = None;
@@ -169,13 +174,29 @@ pub(super) fn run_group(
             }
         }
         if lost.is_empty() {
+            if let Some(detector) = standstill.as_mut().filter(|_| moving)
+                && detector.step(reading.at, reading.bulk.encoders)
+            {
+                let members = drive::ALL.map(|motor| motors.contains(&motor));
+                let positions = session.group_positions(members)?;
+                let failure = detector.failure(positions, wanted.tolerance, reading.report.as_ref());
+                return Err(Failure::Work(format!("{what}: {failure}")));
+            }
             return Ok(!moving);
         }
         // A group that has lost a member never settles: the others hold the positions at which they stop.
         let since = *lost_at.get_or_insert(reading.at);
         Ok(!turning || reading.at.saturating_sub(since) > LONGEST_HALT)
     })?;
-    if lost.is_empty() { Ok(settled) } else { Err(left_the_group(session, &lost)?) }
+    if !lost.is_empty() {
+        return Err(left_the_group(session, &lost)?);
+    }
+    if !settled && standstill.is_some() {
+        let seconds = length.unwrap_or_default().as_secs_f64();
+        let why = reasons(session.report()?.as_ref(), motors);
+        return Err(Failure::Work(format!("{what} after {seconds} s{why}")));
+    }
+    Ok(settled)
 }
 
 /// Returns the failure that names the motors which have left their group, and their faults. Without a fault the hub has
@@ -188,18 +209,6 @@ fn left_the_group(session: &mut Session, lost: &[u8]) -> Result<Failure, Error> 
         why = format!("{why}; hub status: {}", session.status(false)?.words().join(", "));
     }
     Ok(Failure::Work(format!("{} left the group{why}", names(lost))))
-}
-
-/// Returns the failure of a group that was too slow. `what` says what the group has not done within `length`.
-pub(super) fn time_over(
-    session: &mut Session,
-    motors: &[u8],
-    what: &str,
-    length: Option<Duration>,
-) -> Result<Failure, Error> {
-    let seconds = length.unwrap_or_default().as_secs_f64();
-    let why = reasons(session.report()?.as_ref(), motors);
-    Ok(Failure::Work(format!("{what} after {seconds} s{why}")))
 }
 
 /// Enables motors with power 0, so that they brake.

@@ -1,8 +1,8 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 
 use crate::common::{
-    BASE, PROGRAM, client, driving, err, fails, folder, json, made_folder, out, printed, scan, scenario,
-    signal, start_client, store, wait_for, words, write,
+    BASE, PROGRAM, client, driving, err, fails, folder, json, made_folder, motor_hub, out, printed, scan,
+    scenario, signal, start_client, store, wait_for, words, write,
 };
 use crate::conformance::{Hub, packet};
 use crate::hub_support::{Hub as FakeHub, Server};
@@ -205,6 +205,40 @@ fn a_group_that_loses_any_of_its_motors_fails_and_names_the_motor_and_its_fault(
 }
 
 #[test]
+fn a_motion_to_positions_without_progress_fails_and_names_each_motor_and_where_it_stands() {
+    // Motor 1 is held: its current limit is too small for its friction.
+    let motor = "motor = \"NeveRest 60\"";
+    let text = format!(
+        "[[motors]]\nlabel = \"good\"\n{motor}\n\
+        [[motors]]\nlabel = \"held\"\n{motor}\nfriction.coulomb_percent = 50\ncurrent_limit_a = 0.2\n"
+    );
+    let scenario = scenario("no-progress", &text);
+    let driven = [&["drive", "turn=90"][..], &BASE].concat();
+    std::thread::scope(|scope| {
+        for (arguments, error) in [
+            (
+                &["together", "0=1000", "1=-500"][..],
+                "targets not reached: no progress for 5 s; motor 0 stands at",
+            ),
+            (&driven, "turn=90 not finished: no progress for 5 s; motor 0 stands at"),
+            (
+                &["position", "0,1", "300"],
+                "error: no progress for 5 s; motor 1 stands at 0 counts instead of 300",
+            ),
+        ] {
+            let scenario = &scenario;
+            scope.spawn(move || {
+                let hub = Hub::served_with(&["--scenario", scenario]);
+                let failed = client(&hub, arguments);
+                fails(&failed, 1, error);
+                fails(&failed, 1, "; motor 1 stands at 0 counts instead of ");
+                fails(&failed, 1, " (held by its current limit: the load needs more current)");
+            });
+        }
+    });
+}
+
+#[test]
 fn a_motor_that_does_not_turn_has_its_reason_in_errors_and_in_lines() {
     let hub = hub_with_a_jammed_motor("reasons");
     for (arguments, error) in [
@@ -354,6 +388,18 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     assert_eq!(left(), 0);
     let none = scan(&notes, &[]);
     fails(&none, 1, "no hub is served on this machine; give a PLACE");
+}
+
+#[test]
+fn a_port_may_be_a_tcp_address_whose_port_is_in_range() {
+    let hub = Hub::served();
+    out(&motor_hub(&["client", "--port", &hub.place, "status"]));
+    let range = "a TCP port is a whole number from 1 to 65535";
+    for place in ["127.0.0.1:99999", "localhost:0"] {
+        fails(&motor_hub(&["client", "--port", place, "status"]), 1, &format!("error: {place}: {range}\n"));
+    }
+    let found = printed(&scan(&folder("port-out-of-range"), &["127.0.0.1:70000"]));
+    assert!(found.contains(range), "{found}");
 }
 
 #[cfg(target_os = "linux")]

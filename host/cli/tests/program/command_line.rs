@@ -52,6 +52,7 @@ serve --pty --store /no/such/file | /no/such/file:
 serve --pty --wire 4,8 | a wire is between two digital pins, 0 to 7, such as 4,5
 serve --pty --wire 4,4 | a wire is between two digital pins
 client status | --port PATH or --tcp HOST:PORT
+client --tcp 127.0.0.1:99999 status | a port is 0 to 65535
 client --port a --tcp b:1 status | exclude
 client --port '' status | a value is required for '--port
 client --tcp 127.0.0.1 status | 127.0.0.1:7070
