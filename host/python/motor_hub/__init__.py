@@ -218,7 +218,8 @@ class Hub:
         self._enabled: set[int] = set()
         # Motors whose blocks have not ended yet since ``stop`` was called.
         self._stopped: set[int] = set()
-        # A token for each motor's newest command. It shows whether another command has replaced a motion.
+        # A token for each motor's newest command. It shows whether another command has replaced a motion. The token of
+        # ``together_at`` has the speeds of the motors, in counts/s.
         self._motions: dict[int, object] = {}
 
     def __enter__(self) -> Hub:
@@ -409,11 +410,11 @@ class Hub:
         """Turns motors in step at speeds in counts/s, until another command follows."""
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
-        await self._command(tuple(speeds), self._link.together, *arguments)
+        await self._command(tuple(speeds), dict(speeds), self._link.together, *arguments)
 
-    async def _command(self, motors: tuple[int, ...], call: Callable[..., Any], *arguments: Any) -> None:
+    async def _command(self, motors: tuple[int, ...], motion: object, call: Callable[..., Any], *arguments: Any) -> None:
         await self._check(*motors)
-        await self._call(self._start, motors, object(), call, *arguments)
+        await self._call(self._start, motors, motion, call, *arguments)
 
     async def set_base(
         self,
@@ -567,7 +568,7 @@ class Motor:
         return f"<motor {self.number} of hub {self._hub.address}>"
 
     async def _command(self, call: Callable[..., Any], *arguments: Any) -> None:
-        await self._hub._command((self.number,), call, self.number, *arguments)
+        await self._hub._command((self.number,), object(), call, self.number, *arguments)
 
     async def power(self, share: float) -> None:
         """Applies a constant share of full power, -1 to 1."""
@@ -586,7 +587,7 @@ class Motor:
         await self._command(self._hub._link.current, current, speed)
 
     async def settled(self, timeout: float | None = None) -> None:
-        """Waits until the motor has settled at its position, or has kept its velocity for 0.2 s.
+        """Waits until the motor has settled at its position, or has kept its velocity for 0.2 s, also in ``together_at``.
 
         A velocity is kept while its error is at most 2 % of the set-point or 5 counts/s, whichever is more.
 
@@ -606,10 +607,14 @@ class Motor:
                 raise HubError(
                     f"motor {self.number} never settles at its set-point, {reading.setpoint}; give it a velocity or a position"
                 )
-            if reading.setpoint != "velocity" or reading.setpoint_value is None:
+            velocity = reading.setpoint_value if reading.setpoint == "velocity" else None
+            motion = self._hub._motions.get(self.number)
+            if reading.setpoint == "together" and isinstance(motion, dict):
+                velocity = motion[self.number]
+            if velocity is None:
                 return reading.settled
-            error = abs(reading.velocity - reading.setpoint_value)
-            kept = kept + 1 if error <= max(5, 0.02 * abs(reading.setpoint_value)) else 0
+            error = abs(reading.velocity - velocity)
+            kept = kept + 1 if error <= max(5, 0.02 * abs(velocity)) else 0
             return kept > _KEPT_S / _POLL_S
 
         await _until(settled, timeout, f"motor {self.number} has not settled")

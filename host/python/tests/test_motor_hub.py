@@ -127,6 +127,16 @@ class Commands(WithHub):
             await asyncio.sleep(1)
             self.assertAlmostEqual((await self.hub[1].read()).velocity, 400, delta=40)
 
+    async def test_a_motor_of_a_group_at_speeds_settles_at_its_own_speed(self) -> None:
+        with self.hub.enabled(0, 1):
+            await self.hub.together_at({0: 400, 1: -200.4})
+            for motor, speed in [(0, 400), (1, -200)]:
+                await self.hub[motor].settled(5)
+                self.assertAlmostEqual((await self.hub[motor].read()).velocity, speed, delta=12)
+            await self.hub.together_at({0: 0, 1: 0})
+            await self.hub[1].settled(5)
+            self.assertAlmostEqual((await self.hub[1].read()).velocity, 0, delta=5)
+
     async def test_a_drive_base_drives_by_its_gyro_and_reports_where_it_is(self) -> None:
         with self.assertRaisesRegex(HubError, "no drive base; configure one by hub.set_base"):
             await self.hub.base()
