@@ -1,21 +1,88 @@
-//! Measures of motors that move in step: the time until all have settled, and the heading error of a drive base.
+//! Measures of motors that move in step: the time until all have settled, how far they are out of step, and the heading
+//! error of a drive base.
 
-use motor_hub::group::DriveBase;
-use motor_hub::motor::Setpoint;
+use crate::measures::extent;
+use motor_hub::group::{Course, DriveBase, GroupCommand};
+use motor_hub::motor::{Report, Setpoint};
 use motor_hub::regulator::Reference;
-use simulated::scenario::{Group, Motor};
-use simulated::trace::{Tick, Trace};
+use motor_hub::units::CountsPerSecond;
+use serde::Serialize;
+use simulated::scenario::{Group, Motor, Scenario};
+use simulated::trace::{Sample, Tick, Trace};
 use std::iter::Peekable;
 use std::ops::Range;
 use std::vec::IntoIter;
+
+/// All measures of one group in one run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct GroupMeasures {
+    /// The courses that end. A course at speeds lasts until the next course.
+    pub(crate) courses: Vec<CourseMeasures>,
+    /// Largest difference in counts between the distances of two members to their references, at any tick; null if the
+    /// members never move in step.
+    pub(crate) out_of_step_counts: Option<f64>,
+    /// Largest heading error in degrees; null if the group is no drive base.
+    pub(crate) heading_error_degrees: Option<f64>,
+}
+
+/// Measures of one course.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct CourseMeasures {
+    /// Start of the course in seconds.
+    pub(crate) at_s: f64,
+    /// Seconds from the start until all members have settled; null if a member does not settle before the next course.
+    pub(crate) settling_s: Option<f64>,
+}
+
+impl GroupMeasures {
+    pub(crate) fn new(group: &Group, scenario: &Scenario, trace: &Trace) -> Self {
+        let all_s = 0.0..scenario.duration_s;
+        let ends = |course: &Course| match course {
+            Course::Distance(_) | Course::Position(_) => true,
+            Course::Velocity(speeds) => speeds.iter().flatten().all(|cps| *cps == CountsPerSecond::ZERO),
+        };
+        let courses = courses(group, &all_s).filter(|(command, _)| ends(&command.course));
+        let measures = courses.map(|(_, span_s)| CourseMeasures {
+            at_s: span_s.start,
+            settling_s: Some(arrival_s(group, trace, &span_s)).filter(|arrival_s| arrival_s.is_finite()),
+        });
+        Self {
+            courses: measures.collect(),
+            out_of_step_counts: trace
+                .ticks
+                .iter()
+                .filter_map(|tick| out_of_step(group, tick))
+                .reduce(f64::max),
+            heading_error_degrees: largest_heading_error(group, &scenario.motors, trace, &all_s),
+        }
+    }
+}
+
+/// Difference in counts between the largest and the smallest distance of a member to its reference; `None` if a member
+/// has no reference at this tick.
+fn out_of_step(group: &Group, tick: &Tick) -> Option<f64> {
+    let distances = group.motors.iter().map(|motor| match tick.motors.get(*motor) {
+        Some(Sample { report: Report { setpoint: Setpoint::Follow(reference), .. }, counts, .. }) => {
+            Some(position(*reference) - *counts as f64)
+        }
+        _ => None,
+    });
+    let distances: Vec<f64> = distances.collect::<Option<_>>()?;
+    extent(distances.into_iter()).map(|(least, most)| most - least)
+}
 
 /// Longest time in seconds until all members have settled after the start of a course, for the courses that begin in
 /// the window. A course ends with the next course or with the window. Infinite if a member does not settle; `None` if
 /// no course begins in the window.
 pub(crate) fn longest_arrival_s(group: &Group, trace: &Trace, window_s: &Range<f64>) -> Option<f64> {
-    let starts = || group.courses.iter().map(|course| course.at_s).filter(|at_s| window_s.contains(at_s));
-    let ends = starts().skip(1).chain([window_s.end]);
-    starts().zip(ends).map(|(from_s, to_s)| arrival_s(group, trace, &(from_s..to_s))).reduce(f64::max)
+    courses(group, window_s).map(|(_, span_s)| arrival_s(group, trace, &span_s)).reduce(f64::max)
+}
+
+/// The courses that begin in the window, with their times in seconds.
+fn courses(group: &Group, window_s: &Range<f64>) -> impl Iterator<Item = (GroupCommand, Range<f64>)> {
+    let begun = || group.courses.iter().filter(|course| window_s.contains(&course.at_s));
+    let ends = begun().skip(1).map(|next| next.at_s).chain([window_s.end]);
+    begun().zip(ends).map(|(course, end_s)| (course.value, course.at_s..end_s))
 }
 
 fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
@@ -148,7 +215,6 @@ fn heading(base: &DriveBase, counts: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use motor_hub::units::CountsPerSecond;
 
     #[test]
     fn a_gyro_base_that_the_hub_turns_too_little_has_an_error_whatever_its_references_are() {

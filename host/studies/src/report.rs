@@ -6,10 +6,11 @@ mod headline;
 pub(crate) mod tables;
 
 use crate::expectations::{Verdict, judge};
+use crate::groups::GroupMeasures;
 use crate::measures::Measures;
 use crate::with_fields;
 use serde_json::json;
-use simulated::scenario::{Motor, Scenario};
+use simulated::scenario::{Group, Motor, Scenario};
 use simulated::scheme::SchemeWords;
 use simulated::trace::Trace;
 
@@ -23,6 +24,8 @@ pub struct RunReport {
     without: Trace,
     /// Measures by motor: of the run with the schemes of the scenario, and of the run without a braking regime.
     measures: Vec<[Measures; 2]>,
+    /// Measures by group, of the same two runs.
+    groups: Vec<[GroupMeasures; 2]>,
     /// Verdicts on the run with the schemes of the scenario.
     verdicts: Vec<Verdict>,
 }
@@ -34,8 +37,13 @@ impl RunReport {
             [&as_set, &without].map(|trace| Measures::new(motor, 0.0..scenario.duration_s, trace, index))
         });
         let measures = measures.collect();
+        let groups = scenario
+            .groups
+            .iter()
+            .map(|group| [&as_set, &without].map(|trace| GroupMeasures::new(group, &scenario, trace)));
+        let groups = groups.collect();
         let verdicts = judge(&scenario, &as_set);
-        Self { scenario, as_set, without, measures, verdicts }
+        Self { scenario, as_set, without, measures, groups, verdicts }
     }
 
     /// The scenario's expectations of the run with its own schemes, and whether they are met.
@@ -56,12 +64,15 @@ impl RunReport {
             });
             with_fields(json!(SchemeWords(motor.scheme)), named)
         };
+        let groups = self.scenario.groups.iter().zip(&self.groups);
+        let group = |(group, [as_set, without]): (&Group, &[GroupMeasures; 2])| json!({ "label": group.label, "as_set": as_set, "without_braking_regime": without });
         json!({
             "scenario": self.scenario.name,
             "duration_s": self.scenario.duration_s,
             "control_period_ms": self.scenario.period.as_millis(),
             "seed": self.scenario.seed,
             "motors": motors.map(motor).collect::<Vec<_>>(),
+            "groups": groups.map(group).collect::<Vec<_>>(),
             "expectations": self.verdicts.iter().map(Verdict::json).collect::<Vec<_>>(),
             "files": files,
         })

@@ -63,9 +63,14 @@ fn studies_print_the_documented_fields() {
     let out = folder("page");
     let out = ["--json", "--out", out.to_str().unwrap()];
     let with = |arguments: &[&str]| json(&[arguments, &out].concat());
-    let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/arm.toml");
-    let arm = with(&["run", "--scenario", arm.to_str().unwrap()]);
-    assert_agree("run", &[with(&["run", "--time-s", "2"]), arm]);
+    let of_scenario = |file: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios").join(file);
+        with(&["run", "--scenario", path.to_str().unwrap()])
+    };
+    assert_agree(
+        "run",
+        &[with(&["run", "--time-s", "2"]), of_scenario("arm.toml"), of_scenario("drive-bases.toml")],
+    );
     let survey = with(&["survey", "--only", "random", "--scenarios", "4"]);
     assert_eq!(documented("A verdict"), {
         let mut verdict = BTreeSet::new();

@@ -1,12 +1,13 @@
-//! A table of each motor with both runs.
+//! A table of each motor and each group with both runs.
 
 use super::{RunReport, WITHOUT};
 use crate::expectations::Verdict;
+use crate::groups::GroupMeasures;
 use crate::measures::{Measures, Response};
 use crate::settling;
 use crate::table::{self, Table};
-use simulated::scenario::Motor;
 use simulated::scenario::expectation::Expectation;
+use simulated::scenario::{Group, Motor};
 use simulated::scheme;
 
 /// Least width of a column in characters, so that the tables line up.
@@ -19,10 +20,15 @@ lowest value in the last second before the next change. Deceleration jerk: chang
 control period to the next while the motor slows down (N m: at the output shaft). Energies are of the motor's own
 bridge. A one-way battery takes none of the energy that goes back.";
 
+/// Explains the measures of groups.
+const OF_GROUPS: &str = "
+A group settles when all its motors have settled. Out of step: largest difference between the distances of two of its
+motors to where the group wants them at the same time.";
+
 impl RunReport {
     /// The headline and the tables.
     pub fn tables(&self) -> String {
-        let Self { scenario, measures, verdicts, .. } = self;
+        let Self { scenario, measures, groups, verdicts, .. } = self;
         let mut out = format!(
             "{}\n\n{}: {} s, control period {} ms, seed {}\n\n",
             table::paragraph(&self.headline()),
@@ -35,7 +41,12 @@ impl RunReport {
             let runs = [&scheme::describe(motor.scheme), WITHOUT];
             out += &format!("{}\n", side_by_side(motor, runs, measures));
         }
-        out += &format!("{}\n", table::paragraph(&format!("{} {DEFINITIONS}", settling::definitions())));
+        for (group, measures) in scenario.groups.iter().zip(groups) {
+            out += &format!("{}\n", of_group(group, &scenario.motors, measures));
+        }
+        let of_groups = if groups.is_empty() { "" } else { OF_GROUPS };
+        let definitions = format!("{} {DEFINITIONS}{of_groups}", settling::definitions());
+        out += &format!("{}\n", table::paragraph(&definitions));
         if !verdicts.is_empty() {
             out += &format!("\n{}\n", expectations(verdicts));
         }
@@ -59,6 +70,30 @@ fn expectations(verdicts: &[Verdict]) -> Table {
             met.to_owned(),
         ]);
     }
+    table
+}
+
+/// A table of a group's measures in both runs.
+fn of_group(group: &Group, motors: &[Motor], measures: &[GroupMeasures; 2]) -> Table {
+    let members = group.motors.iter().filter_map(|motor| motors.get(*motor)).map(|motor| &*motor.label);
+    let title = format!("{}: {} in step", group.label, members.collect::<Vec<_>>().join(", "));
+    let mut table = table::new(&[&title, "as set", WITHOUT], 1).at_least(NARROWEST);
+    let [first, second] = measures;
+    for (a, b) in first.courses.iter().zip(&second.courses) {
+        let name = format!("settling of the course at {} s", a.at_s);
+        table.add_row([name, table::seconds(a.settling_s), table::seconds(b.settling_s)]);
+    }
+    let mut add = |name: &str, unit: &str, decimals: usize, of: fn(&GroupMeasures) -> Option<f64>| {
+        if let Some((a, b)) = of(first).zip(of(second)) {
+            table.add_row([
+                name.to_owned(),
+                format!("{a:.decimals$} {unit}"),
+                format!("{b:.decimals$} {unit}"),
+            ]);
+        }
+    };
+    add("out of step, at most", "counts", 1, |measures| measures.out_of_step_counts);
+    add("heading error, at most", "degrees", 2, |measures| measures.heading_error_degrees);
     table
 }
 

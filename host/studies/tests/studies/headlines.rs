@@ -50,6 +50,34 @@ fn a_run_of_several_motors_counts_what_settles() {
 }
 
 #[test]
+fn a_run_shows_when_a_group_has_settled_and_how_far_it_was_out_of_step() {
+    let text = "name = \"two\"\nduration_s = 3.0\nbattery = { emf_v = 12.6, resistance_ohm = 0.05 }\n\
+        [[motors]]\nlabel = \"free\"\nmotor = \"NeveRest 60\"\n\
+        [[motors]]\nlabel = \"heavy\"\nmotor = \"NeveRest 60\"\nload = { inertia_kg_m2 = 0.05 }\n\
+        [[groups]]\nlabel = \"pair\"\nmotors = [\"free\", \"heavy\"]\ncourses = [\n\
+        { at_s = 0, to_counts = [800, -400], speed_cps = 1600, acceleration_cps2 = 4000 },\n\
+        { at_s = 1.5, on_cps = [500, 500], acceleration_cps2 = 4000 },\n]\n";
+    let report = report(Scenario::parse("two.toml", text).expect("it is valid"));
+    let group = &report.json(&[])["groups"][0];
+    assert_eq!((&group["label"], &group["as_set"]["heading_error_degrees"]), (&"pair".into(), &().into()));
+    // The course at speeds does not end.
+    let courses = group["as_set"]["courses"].as_array().expect("a list");
+    assert_eq!(courses.len(), 1);
+    let settling_s = courses[0]["settling_s"].as_f64().expect("it settles");
+    // 800 counts at 1600 counts/s, and 0.4 s to accelerate and to stop.
+    assert!((0.9..1.3).contains(&settling_s), "{settling_s} s");
+    let out_of_step = group["as_set"]["out_of_step_counts"].as_f64().expect("a number");
+    assert!((0.5..100.0).contains(&out_of_step), "{out_of_step} counts");
+    let tables = report.tables();
+    for words in
+        ["pair: free, heavy in step", &format!("{settling_s:.2} s"), &format!("{out_of_step:.1} counts")]
+    {
+        assert!(tables.contains(words), "{words}: {tables}");
+    }
+    assert_readable(&tables);
+}
+
+#[test]
 fn a_run_of_several_motors_without_a_difference_names_none() {
     let mut scenario = with("setpoints = [{ at_s = 0, velocity_cps = 500 }]");
     scenario.motors.push(scenario.motors[0].clone());
