@@ -13,21 +13,19 @@ pub(super) struct Courses<const N: usize> {
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds a course. Removes pending courses that move a member of the new course.
+    /// Adds a course. The caller first removes pending courses that move a member of the new course.
     pub(super) fn add(&mut self, command: GroupCommand) {
-        let members = command.course.members();
-        self.retain(|motor| members.get(motor) != Some(&true));
         if let Some(free) = self.pending.iter_mut().find(|slot| slot.is_none()) {
             *free = Some(command);
         }
     }
 
-    /// Removes the pending courses with a member for which `keep` is false.
-    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        for slot in &mut self.pending {
-            let is_removed = |(motor, member)| member && !keep(motor);
-            slot.take_if(|command| command.course.members().into_iter().enumerate().any(is_removed));
-        }
+    /// Removes a pending course that moves one of these motors, and returns the course. `None` if there is none.
+    pub(super) fn remove(&mut self, leaving: &[bool; N]) -> Option<GroupCommand> {
+        let leaves = |command: &mut GroupCommand| {
+            leaving.iter().zip(command.course.members()).any(|(leaves, member)| *leaves && member)
+        };
+        self.pending.iter_mut().find_map(|slot| slot.take_if(leaves))
     }
 
     pub(super) const fn clear(&mut self) {

@@ -63,7 +63,7 @@ use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
-use crate::group::{BaseSettings, GroupCommand};
+use crate::group::{BaseSettings, GroupCommand, Halt};
 use crate::hub::{Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
@@ -327,7 +327,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
             .and_then(|request| self.answer(request, from, now, snapshot, record));
-        self.delete_courses();
+        self.delete_courses(self.channels.each_ref().map(|channel| !channel.in_group()));
         let mut reply = answer.unwrap_or_else(Reply::Nack);
         if let Reply::Ack { attention } = &mut reply {
             *attention = self.keep_alive.attention();
@@ -399,12 +399,21 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Deletes the pending courses of groups that a member has left. The other members follow their own set-points then.
-    fn delete_courses(&mut self) {
-        self.courses.retain(|motor| self.channels.get(motor).is_some_and(MotorChannel::in_group));
-        for (motor, channel) in self.channels.iter_mut().enumerate() {
-            if !self.courses.moves(motor) {
-                channel.restore_own_setpoint();
+    /// Deletes the pending courses of groups that these motors leave. The other members halt as they would if the course
+    /// had been sent: see [`Halt`].
+    fn delete_courses(&mut self, leaving: [bool; N]) {
+        while let Some(GroupCommand { course, halt, .. }) = self.courses.remove(&leaving) {
+            let members = || course.members().into_iter().zip(leaving);
+            let is_disabled = |(channel, (member, _)): (&MotorChannel, _)| member && !channel.enabled();
+            let any_disabled = self.channels.iter().zip(members()).any(is_disabled);
+            let setpoint = match halt {
+                Halt::Stop if !any_disabled => Setpoint::Velocity(CountsPerSecond::ZERO),
+                Halt::Stop | Halt::Coast => Setpoint::Disabled,
+            };
+            for (channel, (member, leaves)) in self.channels.iter_mut().zip(members()) {
+                if member && !leaves {
+                    channel.start(setpoint);
+                }
             }
         }
     }
@@ -594,6 +603,7 @@ impl<const N: usize> Responder<N> {
         if !self.channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled()) {
             return Err(Nack::WRONG_MODE);
         }
+        self.delete_courses(core::array::from_fn(|motor| members.get(motor) == Some(&true)));
         for (channel, member) in self.channels.iter_mut().zip(members) {
             if member {
                 channel.join();

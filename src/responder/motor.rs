@@ -14,7 +14,8 @@
 //! ```
 //!
 //! *Reset encoder* also takes a motor out of a group. *Set enable* changes nothing of an enabled motor, because hosts
-//! repeat it. An *override* is an identification or a constant current. If a host disables the motor, also by its
+//! repeat it. An *override* is an identification, a constant current, or the halt of a group whose course is deleted before it
+//! is sent. If a host disables the motor, also by its
 //! request *fail-safe*, the release is [`Setpoint::Disabled`]. If the host is silent, the setting [`OnFault`] decides:
 //! with [`OnFault::Coast`] the release is [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is
 //! [`Setpoint::FailSafe`].
@@ -70,19 +71,15 @@ enum MotorState {
     Disabled,
     /// The motor has its own set-point.
     OwnSetpoint {
-        /// An identification or a constant current, which replaces the target of the mode. `None` for the target of the
-        /// mode.
+        /// An identification, a constant current or the halt of a group, which replaces the target of the mode. `None`
+        /// for the target of the mode.
         override_setpoint: Option<Setpoint>,
         /// True if the set-point must be sent. The set-point is computed when the command is sent, not when the request
         /// arrives.
         due: bool,
     },
     /// A group's course moves the motor.
-    InGroup {
-        /// True if the motor's own set-point was never sent, because the course has replaced it. The course then waits
-        /// to be sent too.
-        own_setpoint_due: bool,
-    },
+    InGroup,
 }
 
 impl MotorState {
@@ -294,20 +291,20 @@ impl MotorChannel {
         }
     }
 
-    /// Starts an identification or a constant current.
-    const fn start(&mut self, override_setpoint: Setpoint) {
+    /// Replaces the target of the mode by an identification, a constant current or the halt of a group.
+    pub(super) const fn start(&mut self, override_setpoint: Setpoint) {
         self.follow(MotorState::OwnSetpoint { override_setpoint: Some(override_setpoint), due: true });
     }
 
-    /// Returns the identification or the constant current that replaces the target of the mode.
+    /// Returns the set-point that replaces the target of the mode.
     const fn override_setpoint(&self) -> Option<Setpoint> {
         match self.state {
             MotorState::OwnSetpoint { override_setpoint, .. } => override_setpoint,
-            MotorState::Disabled | MotorState::InGroup { .. } => None,
+            MotorState::Disabled | MotorState::InGroup => None,
         }
     }
 
-    /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode.
+    /// Returns the motor's own set-point: the override, or the target of the present mode.
     /// `None` if no host has set a target for the mode.
     fn target(&self) -> Option<Setpoint> {
         let of_mode = match self.settings.mode {
@@ -366,16 +363,7 @@ impl MotorChannel {
 
     /// Records the number of the command with which a course of the motor's group was sent.
     pub(super) const fn course_sent(&mut self, number: u32) {
-        self.follow(MotorState::InGroup { own_setpoint_due: false });
         self.awaited = Some(number);
-    }
-
-    /// Must be called while no course with this motor waits. If a course was deleted before it was sent, the set-point
-    /// that the course had replaced must be sent.
-    pub(super) const fn restore_own_setpoint(&mut self) {
-        if let MotorState::InGroup { own_setpoint_due: true } = self.state {
-            self.state = MotorState::NEW_TARGET;
-        }
     }
 
     /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number
@@ -392,7 +380,7 @@ impl MotorChannel {
 
     /// True if a group's course has replaced the motor's own set-point.
     pub(super) const fn in_group(&self) -> bool {
-        matches!(self.state, MotorState::InGroup { .. })
+        matches!(self.state, MotorState::InGroup)
     }
 
     /// True if the motor's own set-point is pending.
@@ -407,9 +395,7 @@ impl MotorChannel {
 
     /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
-        let own_setpoint_due =
-            self.is_setpoint_due() || matches!(self.state, MotorState::InGroup { own_setpoint_due: true });
-        self.follow(MotorState::InGroup { own_setpoint_due });
+        self.follow(MotorState::InGroup);
     }
 
     /// True if a release or the motor's own set-point is pending.
@@ -467,12 +453,12 @@ impl MotorChannel {
     }
 
     /// True if the motor is [within tolerance](motor::within_tolerance) of the host's target. False unless the motor is
-    /// enabled in mode position and in no group.
+    /// enabled in mode position, without an override, and in no group.
     pub(super) fn within_tolerance(&self, report: &Report) -> bool {
         let near =
             |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
-        let has_own_setpoint = matches!(self.state, MotorState::OwnSetpoint { .. });
-        let regulated = has_own_setpoint && self.settings.mode == RunMode::Position;
+        let follows_mode = matches!(self.state, MotorState::OwnSetpoint { override_setpoint: None, .. });
+        let regulated = follows_mode && self.settings.mode == RunMode::Position;
         regulated && self.position.is_some_and(near)
     }
 }

@@ -98,12 +98,17 @@ fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
 
 #[test]
 fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
+    let coast = Command::Set { motor: 1, setpoint: Setpoint::Disabled };
+    let halts_the_other = |commands: &[Command]| {
+        let takes_out = commands.iter().any(|command| matches!(command, Command::Set { motor: 3, .. }));
+        takes_out && commands.contains(&coast) && commands.len() == 2
+    };
     for (function, payload) in [(15, &[3, 0, 1][..]), (10, &[3, 0]), (14, &[3])] {
         let mut host = enabled();
         ask(&mut host, 1, pair(1, 2));
         host.do_all(&[(function, payload)]);
         let commands = host.new_commands();
-        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{function}: {commands:?}");
+        assert!(halts_the_other(&commands), "{function}: {commands:?}");
     }
     for function in [
         MotorFunction::Identify { travel_limit: 500 },
@@ -113,7 +118,7 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
         ask(&mut host, 1, pair(1, 2));
         host.request(function.to(3));
         let commands = host.new_commands();
-        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{commands:?}");
+        assert!(halts_the_other(&commands), "{commands:?}");
     }
     // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();
@@ -124,19 +129,31 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
 }
 
 #[test]
-fn members_of_a_deleted_course_get_the_set_points_that_the_course_had_replaced() {
-    let mut host = TestHost::settled();
-    for motor in [1, 3] {
-        host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
+fn members_of_a_deleted_course_halt_as_if_the_course_had_been_sent() {
+    let set = |setpoint| Command::Set { motor: 1, setpoint };
+    let [coast, stop] = [Setpoint::Disabled, Setpoint::Velocity(CountsPerSecond::ZERO)].map(set);
+    let stopping = GroupCommand { halt: Halt::Stop, ..pair(1, 2) };
+    for (course, halted) in [(pair(1, 2), coast), (stopping, stop)] {
+        // The queue of commands is full, so nothing is sent yet. Motor 3 leaves the group.
+        let mut host = enabled();
+        host.do_all(&[(15, &[1, 0, 1])]);
+        ask(&mut host, 1, course);
+        host.do_all(&[(15, &[3, 0, 2])]);
+        assert_eq!(host.new_commands(), [halted, power(3, 512)]);
+        // A target of its own moves the member again.
+        host.do_all(&[(15, &[1, 0, 1])]);
+        assert_eq!(host.new_commands(), [power(1, 256)]);
+        // Another course replaces the pending one.
+        ask(&mut host, 1, course);
+        ask(&mut host, 0, wanted(GroupCourse::Position([Some(5), None, None, Some(6)])));
+        let replacing = wanted(Course::positions(&[(0, 5), (3, 6)]).expect("motors"));
+        assert_eq!(host.new_commands(), [halted, Command::MoveGroup(replacing)]);
     }
-    ask(&mut host, 1, pair(1, 2));
-    // Nothing has been sent yet. Motor 3 leaves the group.
-    host.do_all(&[(15, &[3, 0, 2])]);
-    assert_eq!(host.new_commands(), [power(1, 256), power(3, 512)]);
-    // The course of an enabled motor that has its set-point already is deleted without another command.
-    ask(&mut host, 1, pair(1, 2));
-    host.do_all(&[(15, &[3, 0, 1])]);
-    assert_eq!(host.new_commands(), [power(3, 256)]);
+    // A member that is disabled disables the others.
+    let mut host = enabled();
+    ask(&mut host, 1, stopping);
+    host.do_all(&[(10, &[3, 0])]);
+    assert_eq!(host.new_commands(), [Command::Set { motor: 3, setpoint: Setpoint::Disabled }, coast]);
 }
 
 #[test]
