@@ -18,7 +18,8 @@
 //!   the part of the old speeds that is parallel to its direction, forwards or backwards. The rest of the old speeds
 //!   drifts. A trajectory to positions continues the old speeds only if they are nearly parallel to its direction and
 //!   the members can stop within its length. Otherwise all old speeds drift. The drift is braked to 0 while the
-//!   progress begins. `drift[i]` is the distance that member i will still drift.
+//!   progress begins; close to the new positions the drift is braked first, and the progress begins then. `drift[i]` is
+//!   the distance that member i will still drift.
 //!
 //! Progress and positions are integers, and all members have the same progress, so no rounding error grows with the
 //! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves
@@ -36,6 +37,11 @@ const END_TOLERANCE_STEPS: i64 = 64;
 /// Least speed, in counts/s, at which motors approach their references if their first trajectory only stops them: the
 /// smallest usual lag in the time of a usual lag, see [`default_lag`](super::default_lag).
 const LEAST_FIRST_CPS: f32 = 240.0;
+
+/// Share of the acceleration from which on the drift is braked first, if the members need more than this share to stop at
+/// their new positions. Braking first takes v/a and 2 sqrt(rest/a) for the rest of the way; drift and progress at the same
+/// time take 2 v/a. At this share both take the same time.
+const BRAKES_FIRST_SHARE: f32 = 2.0 / 3.0;
 
 /// A trajectory of N motors. Arrays are by motor.
 #[derive(Clone, Debug)]
@@ -65,8 +71,9 @@ pub(super) struct Trajectory<const N: usize> {
     drift_deceleration_cps2: [f32; N],
     /// Time until the drift has come to rest, in seconds; 0 without drift.
     drift_s: f32,
-    /// True if the group only brakes to a stop. The whole acceleration is then available to brake the drift.
-    stopping: bool,
+    /// True if the whole acceleration brakes the drift, and the progress begins after the drift. A group that only stops
+    /// brakes in this way, too.
+    brakes_first: bool,
 }
 
 impl<const N: usize> Trajectory<N> {
@@ -86,7 +93,7 @@ impl<const N: usize> Trajectory<N> {
             acceleration_cps2: acceleration.get() as f32,
             drift_deceleration_cps2: [0.0; N],
             drift_s: 0.0,
-            stopping: false,
+            brakes_first: false,
         };
         trajectory.start_drift(speeds_cps);
         trajectory
@@ -105,8 +112,8 @@ impl<const N: usize> Trajectory<N> {
         self.endless = true;
         self.share = speeds.map(CountsPerSecond::to_bits);
         self.update_length();
-        self.stopping = self.is_still();
-        if !self.stopping {
+        self.brakes_first = self.is_still();
+        if !self.brakes_first {
             // A share is the bits of a speed: steps of 1/256 counts/s.
             self.speed_limit_cps = self.length as f32 / 256.0;
         }
@@ -120,12 +127,14 @@ impl<const N: usize> Trajectory<N> {
     /// that moves farthest, in counts/s. `tick_s` is a tick in seconds.
     pub(super) fn move_to(&mut self, targets: [i32; N], speed_cps: f32, tick_s: f32) {
         let present_cps = self.restart();
-        (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
+        (self.endless, self.speed_limit_cps, self.brakes_first) = (false, speed_cps.abs(), false);
         self.head_for(&targets);
         let (along, sideways) = split(&present_cps, &self.direction());
-        let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
+        // The share of the acceleration with which the progress would stop at its end.
+        let share = along * along / (2.0 * self.acceleration_cps2 * self.length as f32);
         // The sideways speeds are neglected if none of them is above a quarter of the largest speed change in a tick.
-        if along == 0.0 || !stoppable || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
+        if along == 0.0 || share > 1.0 || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
+            self.brakes_first = along > 0.0 && share > BRAKES_FIRST_SHARE;
             self.start_drift(present_cps);
             // The drift has moved the base.
             self.head_for(&targets);
@@ -204,7 +213,7 @@ impl<const N: usize> Trajectory<N> {
 
     /// Returns the part of the acceleration that brakes the drift. The other part is available to the progress.
     fn drift_acceleration_cps2(&self) -> f32 {
-        if self.stopping { self.acceleration_cps2 } else { self.acceleration_cps2 / 2.0 }
+        if self.brakes_first { self.acceleration_cps2 } else { self.acceleration_cps2 / 2.0 }
     }
 
     /// Returns how far each motor will still drift, in steps.
@@ -255,8 +264,8 @@ impl<const N: usize> Trajectory<N> {
 
     /// Advances the trajectory by a time in seconds.
     pub(super) fn step(&mut self, seconds: f32) {
-        let acceleration =
-            if self.drift_s > 0.0 { self.acceleration_cps2 / 2.0 } else { self.acceleration_cps2 };
+        let of_drift = if self.drift_s > 0.0 { self.drift_acceleration_cps2() } else { 0.0 };
+        let acceleration = self.acceleration_cps2 - of_drift;
         self.drift_s = (self.drift_s - seconds).max(0.0);
         let before = self.speed_cps;
         let speed_change = acceleration * seconds;

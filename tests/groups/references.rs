@@ -137,6 +137,25 @@ proptest! {
 }
 
 #[test]
+fn targets_that_change_by_some_counts_while_the_group_brakes_are_reached_soon_and_not_overshot() {
+    for ms in [1, 10, 50] {
+        for targets in [[1_001, 500], [999, 500], [998, 499], [1_000, 490], [990, 505]] {
+            let mut motors = Perfect::new(together(to([1_000, 500]), 2_000, 4_000), [0, 0], ms);
+            while motors.positions()[0] < 600 {
+                motors.step();
+            }
+            motors.group.redirect(together(to(targets), 2_000, 4_000));
+            // Braking over 400 counts takes 0.45 s. Ten counts from standstill to standstill take 0.1 s.
+            for _ in 0..600 / ms {
+                let [left, right] = motors.step().map(|reference| reference.position);
+                assert!(left <= 1_001 && right <= 505, "{targets:?}, {ms} ms: {left}, {right}");
+            }
+            assert_eq!(motors.positions(), targets, "{ms} ms");
+        }
+    }
+}
+
+#[test]
 fn a_course_without_an_end_adds_nothing_up() {
     let rates = [1_000_000, 333_333, -7, 65_537].map(CountsPerSecond::from_bits);
     let course = Course::velocities(&numbered(rates)).expect("four");
