@@ -21,9 +21,6 @@ pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 /// Interval between readings, far shorter than the hub's keep-alive of 2.5 s.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
-/// Number of readings of which one is printed if standard output is not a terminal.
-pub(crate) const READINGS_PER_LINE: u32 = 10;
-
 /// Options of all four commands.
 #[derive(clap::Args)]
 pub(crate) struct Common {
@@ -198,23 +195,12 @@ pub(super) fn follow(
     mut settled: impl FnMut(&mut Session, &Reading) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
     let mut live = Live::new();
-    let mut readings = 0u32;
-    let mut unprinted_line = None;
     let done = repeat(INTERVAL, length, |since| {
         let reading = &Reading::take(session, since)?;
-        let line = reading.line(motors, counts_per_turn);
-        unprinted_line = None;
-        if live.terminal {
-            live.redraw(&reading.table(motors, counts_per_turn))?;
-        } else if readings.is_multiple_of(READINGS_PER_LINE) {
-            print(&line)?;
-        } else {
-            unprinted_line = Some(line);
-        }
-        readings = readings.wrapping_add(1);
+        live.show(|| reading.table(motors, counts_per_turn), &reading.line(motors, counts_per_turn))?;
         settled(session, reading)
     });
     // The last reading is always printed.
-    unprinted_line.map_or(Ok(()), |line| print(&line))?;
+    live.finish()?;
     done
 }

@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub client identify`.
 
-use super::drive::{INTERVAL, READINGS_PER_LINE};
+use super::drive::INTERVAL;
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::{Live, repeat};
@@ -197,7 +197,6 @@ fn identify(
 ) -> Result<Identification, Failure> {
     let show = |text: &str| if shows_progress { print(text) } else { Ok(()) };
     let mut live = Live::new();
-    let mut readings = 0u32;
     let mut ended = None;
     DrivingSession::run(session, |driven| {
         let mut identifying = Identifying::begin(driven, motor, travel)?;
@@ -210,15 +209,11 @@ fn identify(
                         "motor {motor}: turns at most {travel} counts either way, for some 3 s\n"
                     ))?;
                 }
-                Progress::Turning(percent) => {
+                Progress::Turning(percent) if shows_progress => {
                     let progress = format!("{percent} %\n");
-                    readings += 1;
-                    if live.terminal && shows_progress {
-                        live.redraw(&progress)?;
-                    } else if readings.is_multiple_of(READINGS_PER_LINE) {
-                        show(&progress)?;
-                    }
+                    live.show(|| progress.clone(), &progress)?;
                 }
+                Progress::Turning(_) => (),
                 Progress::Ended(outcome) => ended = Some(outcome),
             }
             Ok(ended.is_some())

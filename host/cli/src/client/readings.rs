@@ -184,16 +184,44 @@ pub(super) fn alert_words(status: Status) -> Vec<String> {
     (0..CHANNELS).flat_map(of_motor).collect()
 }
 
-/// A text on standard output that is redrawn in place.
+/// Number of readings of which one is printed if standard output is not a terminal.
+const READINGS_PER_LINE: u32 = 10;
+
+/// A text on standard output that is redrawn in place. An output that is no terminal gets lines instead.
 pub(crate) struct Live {
     pub(crate) terminal: bool,
     /// Number of lines of the text shown last.
     height: usize,
+    /// Number of readings shown by [`show`](Self::show).
+    readings: u32,
+    /// Line of the last reading, if this line was not printed.
+    unprinted_line: Option<String>,
 }
 
 impl Live {
     pub(crate) fn new() -> Self {
-        Self { terminal: std::io::stdout().is_terminal(), height: 0 }
+        let terminal = std::io::stdout().is_terminal();
+        Self { terminal, height: 0, readings: 0, unprinted_line: None }
+    }
+
+    /// Shows a reading: a text on a terminal, else the line of every tenth reading.
+    pub(crate) fn show(&mut self, text: impl FnOnce() -> String, line: &str) -> Result<(), Failure> {
+        let is_printed = self.readings.is_multiple_of(READINGS_PER_LINE);
+        self.readings = self.readings.wrapping_add(1);
+        self.unprinted_line = None;
+        if self.terminal {
+            return self.redraw(&text());
+        }
+        if is_printed {
+            return print(line);
+        }
+        self.unprinted_line = Some(line.to_owned());
+        Ok(())
+    }
+
+    /// Prints the line of the last reading, if [`show`](Self::show) has not printed this line.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        self.unprinted_line.map_or(Ok(()), |line| print(&line))
     }
 
     /// Replaces the text shown last.

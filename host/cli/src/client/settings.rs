@@ -1,7 +1,7 @@
 //! Implements the command `motor-hub client settings`.
 
 use super::hub::HubOptions;
-use crate::output::{Failure, print, print_json};
+use crate::output::{Failure, print, print_as};
 use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::StoreReport;
@@ -141,19 +141,16 @@ fn ended(report: &StoreReport) -> Result<(), Failure> {
 
 fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
     let StoreReport { stored, version, number, is_busy, outcome, differs, unknown, refused, .. } = *report;
-    if json {
-        let document = json!({
-            "stored": stored,
-            "version": version,
-            "number": number,
-            "busy": is_busy,
-            "outcome": Some(outcome).filter(|outcome| *outcome != Outcome::None),
-            "differs": differs,
-            "unknown_entries": unknown,
-            "refused_entries": refused,
-        });
-        return print_json(&document);
-    }
+    let document = json!({
+        "stored": stored,
+        "version": version,
+        "number": number,
+        "busy": is_busy,
+        "outcome": Some(outcome).filter(|outcome| *outcome != Outcome::None),
+        "differs": differs,
+        "unknown_entries": unknown,
+        "refused_entries": refused,
+    });
     let mut table = table::new(&["stored", &stored_text(report)], 1);
     let in_force = match stored {
         _ if differs => "other settings, until the next reset",
@@ -174,5 +171,5 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
     if let Some(why) = why_unsaved(report).filter(|_| has_result) {
         table.add_row(["last result", why]);
     }
-    print(&format!("{table}\n"))
+    print_as(json, &document, table)
 }

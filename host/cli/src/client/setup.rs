@@ -3,8 +3,9 @@
 use super::hub::HubOptions;
 use super::identify;
 use super::setting_options::{SettingOption, SettingOptions};
+use super::status::state_text;
 use crate::constants::Constants;
-use crate::output::{Failure, print, print_json};
+use crate::output::{Failure, print_as};
 use crate::parse::{MotorName, motor, named};
 use crate::scheme_options::SchemeOptions;
 use motor_hub::braking::Winding;
@@ -138,37 +139,28 @@ impl Options {
         let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing);
         let bridge = bridge.map_or("other", |(name, ..)| *name);
         let heat = settings.motor.thermal.map(|_| f64::from(condition.heat) / 10.0);
-        let state = match condition {
-            Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
-            Condition { overheated: true, .. } => "off: the winding is too hot",
-            Condition { derated: true, .. } => "derated: the winding is hot, and the current is limited",
-            _ => "normal",
-        };
         let millivolt_seconds = |emf: f64| format!("{emf:.4} mV s/count");
-        if self.json {
-            let words = json!(SchemeWords(scheme));
-            let mut document = json!({
-                "motor": self.motor.number,
-                "emf_mv_s_per_count": emf,
-                "emf_in_force_mv_s_per_count": in_force,
-                "resistance_ohm": ohms,
-                "inductance_mh": millihenries.unwrap_or(0.0),
-                "scheme": words["scheme"],
-                "blend": words["blend"],
-                "duty": duty,
-                "bridge": bridge,
-                "heat_percent": heat,
-                "derated": condition.derated,
-                "overheated": condition.overheated,
-                "bridge_fault": condition.bridge_fault,
-                "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
-                "current_line": condition.sense_line,
-                "motion": identify::motion_json(settings),
-            });
-            for option in SettingOption::all() {
-                document[&option.key] = option.json(settings);
-            }
-            return print_json(&document);
+        let words = json!(SchemeWords(scheme));
+        let mut document = json!({
+            "motor": self.motor.number,
+            "emf_mv_s_per_count": emf,
+            "emf_in_force_mv_s_per_count": in_force,
+            "resistance_ohm": ohms,
+            "inductance_mh": millihenries.unwrap_or(0.0),
+            "scheme": words["scheme"],
+            "blend": words["blend"],
+            "duty": duty,
+            "bridge": bridge,
+            "heat_percent": heat,
+            "derated": condition.derated,
+            "overheated": condition.overheated,
+            "bridge_fault": condition.bridge_fault,
+            "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
+            "current_line": condition.sense_line,
+            "motion": identify::motion_json(settings),
+        });
+        for option in SettingOption::all() {
+            document[&option.key] = option.json(settings);
         }
         let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
         let mut table = table::new(&["motor", &self.motor.number.to_string()], 2);
@@ -190,13 +182,13 @@ impl Options {
                     |heat| format!("{heat:.1} % of the thermal limit"),
                 ),
             ])
-            .add_row(["state", state]);
+            .add_row(["state", state_text(&condition)]);
         for option in SettingOption::all() {
             table.add_row([&option.label, &option.text(settings)]);
         }
         for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
         }
-        print(&format!("{table}\n"))
+        print_as(self.json, &document, table)
     }
 }

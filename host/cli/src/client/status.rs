@@ -168,15 +168,20 @@ fn bus_json(bus: BusReport) -> Value {
     })
 }
 
-fn condition_words(is: &Condition) -> String {
-    let heat =
-        if is.heat == 0 { String::new() } else { format!(", heat {:.1} %", f64::from(is.heat) / 10.0) };
-    let state = match is {
+/// Returns the state of a winding and its bridge as text.
+pub(super) const fn state_text(is: &Condition) -> &'static str {
+    match is {
         Condition { bridge_fault: true, .. } => "off: bridge fault",
         Condition { overheated: true, .. } => "off: too hot",
         Condition { derated: true, .. } => "derated: hot",
         _ => "normal",
-    };
+    }
+}
+
+fn condition_words(is: &Condition) -> String {
+    let heat =
+        if is.heat == 0 { String::new() } else { format!(", heat {:.1} %", f64::from(is.heat) / 10.0) };
+    let state = state_text(is);
     let line = match is.sense_line {
         SenseLine::Absent | SenseLine::Sound => "",
         SenseLine::NoCurrent => ", current-sense line or motor lead broken",
