@@ -7,8 +7,8 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. Otherwise each new command would
-//! drive the other members for a tick, until the member with the fault is lost.
+//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. Otherwise each new command
+//! would drive the other members for a tick, until the member with the fault is lost.
 //!
 //! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members are
 //! disabled (they coast) in two cases: the lost member is disabled or in fail-safe, or the group's setting is
@@ -49,10 +49,11 @@ impl<const N: usize> Groups<N> {
         Self { states: [const { None }; N] }
     }
 
-    /// Changes the course of the moving group that has exactly the members of `command`, and has lost none. If there is
-    /// no such group, each member leaves its old group, and a new group waits to start. Members that a larger group has
-    /// left over start anew too, because their corrections by the gyro may be others. The other members of a moving old
-    /// group halt by the setting of the old group, also those of a waiting old group.
+    /// Changes the course of the moving group that started with exactly the members of `command`, and has lost none. If
+    /// there is no such group, each member leaves its old group, and a new group waits to start. The other members of
+    /// the old groups halt according to the setting of their group. A group that has lost members does not continue
+    /// with a new course, even if its remaining members are the members of `command`: as a new group they may have
+    /// other corrections by the gyro.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -106,7 +107,7 @@ impl<const N: usize> Groups<N> {
                     let members = command.course.members();
                     let ended = leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member);
                     if ended {
-                        // The course has replaced the set-points that the members had.
+                        // The set-points from before the group's command do not come into force again.
                         let setpoint = match halt.unwrap_or(command.halt) {
                             Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
                             Halt::Coast => Setpoint::Disabled,
@@ -170,7 +171,7 @@ impl<const N: usize> Groups<N> {
                     let settle_detector = SettleDetector::default();
                     *state = ActiveGroup::Moving { group, started_with, settle_detector };
                 } else {
-                    // The course has replaced the set-points that the members had.
+                    // The set-points from before the group's command do not come into force again.
                     members_of(&members, motors)
                         .for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
                 }

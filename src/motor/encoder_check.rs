@@ -43,9 +43,10 @@
 //!   the expected distance is reached without a motion, the encoder is stuck. If the motor cannot reach the expected
 //!   distance in the longest probe, as on a low battery or with a current limit, the motor counts as stalled too.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
-//!   direction changes, when the motor should stand, or when a host sets a set-point that is not regulated. It also ends
-//!   when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the
-//!   bridge for some ticks does not end a stall. A stalled motor can run away too, and is stalled again after the runaway.
+//!   direction changes, when the motor should stand, or when a host sets a set-point that is not regulated. It also
+//!   ends when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that
+//!   opens the bridge for some ticks does not end a stall. A stalled motor can run away too, and is stalled again after
+//!   the runaway.
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Nevertheless the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
@@ -212,7 +213,7 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Ends a stall, because the motor is told to stand. A motor that stands does not press against its stop.
+    /// Ends a stall, because the motor should stand. A motor that stands does not press against its stop.
     pub(super) const fn end_stall(&mut self) {
         if let State::Stalled(_) = self.state {
             self.state = State::Watching(Expected::NONE);
@@ -336,8 +337,8 @@ struct Suspect {
     clockwise: bool,
     /// Position at which the examination began, in counts.
     position: i32,
-    /// Lower bound of the gain, in counts/s² per V: the least gain, or the bound from the steady run and the longest
-    /// time constant.
+    /// Lower bound of the gain, in counts/s² per V: the least gain. Without a least gain, the larger one of two bounds:
+    /// the bound that follows from the steady run, and the gain of a motor with the longest time constant.
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
@@ -353,10 +354,10 @@ impl Suspect {
     /// ms.
     const SHORTEST_MS: u32 = 50;
     /// Longest time in Probing, in ms. If the expected distance is still too short after this time, the motor counts as
-    /// stalled. The longest extension of a span in RunningAway has the same length: the 2 s of the table. Chosen.
+    /// stalled. The extension of a span in RunningAway is limited to the same time: the 2 s of the table. Chosen.
     const LONGEST_MS: u32 = 2_000;
-    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. One
-    /// count may come from a shaft that trembles on an edge of the encoder.
+    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. A
+    /// single count is no motion, because a shaft that trembles on an edge of the encoder sends single counts too.
     const COUNTS: f32 = 2.0;
     /// Requested drive voltage of the probe, before limits, as a share of the battery voltage. Chosen.
     const DRIVE_SHARE: f32 = 0.9;
@@ -374,9 +375,10 @@ impl Suspect {
             if tick.counts_slowly() { Self::SLOW_COUNTING_TIME_CONSTANT_S } else { Self::TIME_CONSTANT_S };
         let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
         let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
-        // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion did.
-        // The resisting voltage of the run includes an uncertainty, and for the probe the uncertainty is added again.
-        // The heaviest friction is assumed for a motor that started from rest, or that was driven by its load.
+        // The probe turns in the other direction, where a load that resisted the run helps. So the probe meets no more
+        // resistance than the run did. The resisting volts of the run include the uncertainty of the estimate once, and
+        // the probe adds the uncertainty a second time. The heaviest friction is assumed for a motor that started from
+        // rest, or that was driven by its load.
         let resisting_volts = run
             .map(|run| run.resisting_volts(tick))
             .filter(|volts| *volts > Expected::UNCERTAINTY_VOLTS)
@@ -406,8 +408,9 @@ impl Suspect {
     /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
     /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        // A limit may leave less than the requested voltage. Without a limit the requested share of the battery counts. With
-        // the voltage of the command a probe on the NUCLEO-F429ZI took one tick of 50 ms more.
+        // A limit may reduce the drive voltage. Without a limit the requested share of the battery is used, not the
+        // slightly lower voltage of the command: with the latter a probe on the NUCLEO-F429ZI took a tick of 50 ms
+        // more.
         let drive_volts = if tick.command.is_limited() {
             -along(self.clockwise, tick.command.limited.voltage.to_volts())
         } else {
@@ -460,8 +463,8 @@ impl Stall {
 }
 
 impl Stall {
-    /// Executes a tick of Stalled. Ends the stall if the motor is free or should stand, or if the requested direction has
-    /// changed.
+    /// Executes a tick of Stalled. Ends the stall if the motor is free or should stand, or if the requested direction
+    /// has changed.
     fn step(mut self, tick: &Tick<'_>) -> State {
         let moved = tick.regulator.position().wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
@@ -503,10 +506,10 @@ impl Span {
 struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of the late span in the second comparison, in ms. In this time the motor covers [`EXPECTED_COUNTS`]
-    /// from rest, if the drive voltage exceeds the resisting volts by the heaviest friction. The gain is the least gain
-    /// or, if the encoder is trusted, the gain of a motor with the longest mechanical time constant. The extension is 0
-    /// for a motor without a least gain whose encoder is not trusted.
+    /// Extension of the late span in the second comparison, in ms: the time in which a heavy motor covers
+    /// [`EXPECTED_COUNTS`] from rest. Its drive voltage exceeds the resisting volts by the heaviest friction. Its gain
+    /// is the least gain or, if the encoder is trusted, the gain of the longest mechanical time constant. The extension
+    /// is 0 for a motor without a least gain whose encoder is not trusted.
     extension_ms: u32,
     /// True in the second comparison, whose early span contains both spans of the first comparison.
     second: bool,
@@ -522,15 +525,15 @@ struct Runaway {
 
 /// Limits of the state RunningAway. The check compares the mean speeds of two spans of time, *early* and *late*.
 impl Runaway {
-    /// Least magnitude of a control value at the end of the control range: 15/16 of the range. The other 1/16 allows
-    /// for rounding in the loop.
+    /// Least magnitude of a control value that counts as the end of the control range: 15/16 of the range. The other
+    /// 1/16 is a margin for rounding in the regulator.
     const FULL_CONTROL: i16 = 30_720;
     /// Length of a span, in ms. A springy stop pushes a motor back for some 50 ms, which are within the early span.
     const SPAN_MS: u32 = 100;
-    /// Length in ms of the early span for PID in Schemes C and D, and of the late span before full reverse is
-    /// commanded. The control range of these schemes may end before full reverse. Two spans of this length before full
-    /// reverse and one of `SPAN_MS` after it fit into 250 ms. For all other motors the early span is one control period
-    /// shorter than `SPAN_MS`, and lasts at least `SPAN_MS` less `SHORT_SPAN_MS`.
+    /// Length in ms of both spans for PID in Schemes C and D, whose control range may end before full reverse. After
+    /// these two spans the check commands full reverse, and a late span of `SPAN_MS` follows. All three spans fit into
+    /// 250 ms. For all other motors the early span is one control period shorter than `SPAN_MS`, but at most
+    /// `SHORT_SPAN_MS` shorter.
     const SHORT_SPAN_MS: u32 = 50;
     /// Least mean speed of the early span with which the spans can be compared, in counts/s: eight counts in
     /// `SHORT_SPAN_MS`. With a lower speed the comparison begins again.
@@ -539,9 +542,9 @@ impl Runaway {
     /// Otherwise a second comparison follows. Each span has an error of one count. The other two counts are a margin.
     /// Chosen.
     const FASTER_COUNTS: i32 = 4;
-    /// Counts of a late span from which on the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A
-    /// late span with fewer counts must be faster than the early span by more than `ERROR_COUNTS`. Otherwise a second
-    /// comparison follows.
+    /// Counts of a late span for which the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A late
+    /// span with fewer counts must be faster than the early span even without `ERROR_COUNTS` of its counts. Otherwise a
+    /// second comparison follows.
     const EXACT_COUNTS: i32 = 40;
     /// Errors of both spans together, in counts: one count at the end of each span.
     const ERROR_COUNTS: i32 = 2;

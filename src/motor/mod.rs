@@ -14,7 +14,7 @@
 //!
 //! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
 //! * *Request*: the command that a set-point asks for, before limits. A fault replaces the set-point first.
-//! * *Command*: the request, the command within all limits, and the command of the bridge.
+//! * *Command*: the request, the request within all limits, and what the bridge executes.
 //! * *Direct set-point*: a set-point that needs no encoder. The bridge is commanded between two ticks.
 //! * *Burn pulses*: braking that returns no energy to the bus (see `burn_pulses`).
 //!
@@ -191,14 +191,14 @@ impl Request {
     }
 }
 
-/// A command of the bridge.
+/// A request, and the commands that follow from it.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     request: Request,
-    /// Command within all limits.
+    /// Request within all limits.
     limited: Modulation,
-    /// Command of the bridge: `limited`, or the present burn pulse. At a change of mode the voltage includes the time
-    /// for which the bridge is open.
+    /// What the bridge executes: `limited`, or the present burn pulse. The bridge is open for a short time when its
+    /// mode changes. The voltage is a mean that includes this time.
     bridge: Modulation,
 }
 
@@ -260,8 +260,8 @@ impl Motor {
     /// tuned while it runs. Settings without a thermal limit clear a thermal fault.
     ///
     /// The regulator and the limits use the new settings immediately. The request of the motor follows at the next
-    /// tick, or between ticks with a direct set-point. A lowered back EMF constant stays if the
-    /// new settings have the same configured back EMF constant and the same configured dynamics.
+    /// tick, or between ticks with a direct set-point. A back EMF constant that was lowered because the speed hunted
+    /// stays in force if the new settings have the same back EMF constant and the same dynamics as the old settings.
     pub fn configure(&mut self, settings: Settings) {
         self.configured.configure(&settings);
         let settings = self.configured.in_force(&settings);
@@ -460,8 +460,8 @@ impl Motor {
         self.position = reading.position;
         self.sample(&reading);
         self.regulator.tick();
-        // A new gain changes the estimated speed, and so the duty of a constant voltage. The gain therefore stays while
-        // the set-point is an identification, also after the end of the identification.
+        // A new gain changes the estimated speed, and with it the duty of a constant voltage. This would disturb an
+        // identification, so the gain stays while the set-point is an identification, also after its end.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
@@ -535,10 +535,10 @@ impl Motor {
         }
     }
 
-    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After the fault the
-    /// regulator begins as after a brake.
+    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After a brake the
+    /// regulator begins with a current of zero.
     fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
-        // Needed at every tick of the fault: a set-point that arrives during the fault prepares another beginning.
+        // Repeated at every tick of the fault, because a new set-point during the fault replaces this transition.
         self.regulator.transition(Transition::FromBrake);
         if self.encoder_fault.is_some() {
             self.regulator.distrust_encoder();
@@ -654,9 +654,8 @@ impl Motor {
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and steps the burn pulses. The voltage of
-    /// [`Command::bridge`] ignores the time for which the bridge is open when its mode changes;
-    /// [`after_change`](Self::after_change) includes this time.
+    /// Limits a request, and steps the burn pulses. The voltage of the returned [`Command::bridge`] does not yet
+    /// include the time for which the bridge is open when its mode changes: see [`after_change`](Self::after_change).
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation, .. } = request;
         let limited = self.within_limits(modulation, at, battery.draw);
@@ -680,8 +679,8 @@ impl Motor {
         if allowed.to_bits() == volts.to_bits() {
             modulation
         } else {
-            // A limit may permit less than full braking. The motor then brakes as much as the limit permits, also with a
-            // scheme that has no braking regime.
+            // A limit may permit less than full braking. The motor then brakes as much as the limit permits, also with
+            // a scheme that has no braking regime.
             self.modulator.limited(at, Voltage::from_volts(allowed))
         }
     }
@@ -760,7 +759,7 @@ impl Motor {
         self.thermal.step(self.settings.thermal, self.period, measured.unwrap_or(heating));
         let current_limited = self.is_current_limited();
         let command = self.command.as_ref();
-        // With a fault in place of the set-point the command has no target.
+        // During a fault the command has no target, and the motor is not regulated.
         let is_regulated = command.is_some_and(|command| command.request.target.is_some());
         let within_tolerance = is_regulated && self.setpoint.is_within_tolerance(self.position);
         Report {

@@ -33,9 +33,9 @@ const VARIANCE_PER_SECOND: f32 = 0.11;
 /// Sensitivity, in counts, up to which the variance does not grow. With so small a sensitivity a correction hardly
 /// reduces the variance, so the variance would only grow.
 const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
-/// Sensitivity to a change of b by the initial guess, in counts, below which an unexplained correction pauses the
-/// estimate: the state of the observer is then wrong, not the gain. The sensitivity to a relative change of b would not
-/// show this. If b is far too small, a relative sensitivity is small too, but the relative error of b is large.
+/// Error of the predicted position, in counts, if the error of b is as large as the initial guess. Below this error an
+/// unexplained correction pauses the estimate, because the state of the observer is then wrong, not the gain. The
+/// sensitivity s alone would not show this: if b is far too small, s is small, but the relative error of b is large.
 const RELEVANT_SENSITIVITY: f32 = 0.1;
 /// Standard deviation of a correction because of the resolution of whole counts, in counts.
 const COUNTING_NOISE: f32 = 0.25;
@@ -50,11 +50,11 @@ const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
 const LARGEST_NOISE_SIGMAS: f32 = 4.0;
 /// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
-/// Longest pause of the estimate, in s, with all pauses since the last correction that was explained outside of a pause.
-/// This is six time constants of the slowest observer of a NeveRest 60, whose poles are 10 per second for the heaviest
-/// plausible load. A wrong state is corrected in this time. If the corrections are still unexplained, the gain is wrong,
-/// and the estimate returns to the initial guess. Measured with `survey`: with 0.3, 0.6 and 1 s, 24 to 26 of 1010
-/// responses never settle.
+/// Longest sum of successive pauses of the estimate, in s. An explained correction outside of a pause ends the series
+/// of pauses. The sum is six time constants of the slowest observer of a NeveRest 60, whose poles are 10 per second for
+/// the heaviest plausible load. The observer corrects a wrong state in this time. If corrections are still unexplained,
+/// the gain is wrong, and the estimate returns to the initial guess. Measured with `survey`: with 0.3, 0.6 and 1 s, 24
+/// to 26 of 1010 responses never settle.
 const LONGEST_PAUSE_S: f32 = 0.6;
 /// Difference of the accelerating voltage from its mean, as a share of the voltage across the motor, up to which theta
 /// is not updated. At a steady speed the errors of whole counts have a constant sign, and would shift the estimate
@@ -66,8 +66,8 @@ const EXCITATION_S: f32 = 0.3;
 const LEAST_CHANGE: f32 = 0.05;
 /// Largest factor by which the gain changes in a control tick, and the reciprocal of the smallest factor.
 const LARGEST_STEP: f32 = 2.7;
-/// Samples without a count teach only while the gain in use is above this share of the gain at the last count. A shaft
-/// that friction or a stop holds looks like a motor with a very small gain.
+/// Samples without a count update theta only while the gain in use is above this share of the gain at the last count. A
+/// shaft that friction or a stop holds looks like a motor with a very small gain.
 const LEAST_SILENT_SHARE: f32 = 0.125;
 /// Variance of theta below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
@@ -94,7 +94,7 @@ pub(super) struct GainEstimate {
     /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this
     /// time is over.
     settling_s: f32,
-    /// Time of all pauses since the last correction that was explained outside of a pause, in s.
+    /// Sum of the present series of pauses, in s: see [`LONGEST_PAUSE_S`].
     paused_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
@@ -102,7 +102,8 @@ pub(super) struct GainEstimate {
     mean_net_volts: f32,
     /// Gain in use, as a share of the gain at the last count.
     share_since_count: f32,
-    /// True after [`multiply`](Self::multiply): a load that swings the speed would teach a wrong gain.
+    /// True after [`multiply`](Self::multiply): theta is then not updated, because a load that swings the speed would
+    /// lead to a wrong gain.
     is_fixed: bool,
 }
 
@@ -124,15 +125,14 @@ impl GainEstimate {
         }
     }
 
-    /// Resets the estimate to the initial guess, for an observer that uses another gain.
-    /// The next calls of [`take_gain`](Self::take_gain) lead back to the guess, each by a factor of [`LARGEST_STEP`] at
-    /// most.
+    /// Resets the estimate to the initial guess. The observer still uses the gain of `plant`. The next calls of
+    /// [`take_gain`](Self::take_gain) lead from this gain to the guess, each by a factor of [`LARGEST_STEP`] at most.
     pub(super) fn discard(&mut self, plant: &Plant) {
         *self = Self::new();
         self.return_to_guess(plant);
     }
 
-    /// Sets theta and its variance to the initial guess, for an observer that uses another gain.
+    /// Sets theta and its variance to the initial guess. The observer still uses the gain of `plant`.
     fn return_to_guess(&mut self, plant: &Plant) {
         (self.theta, self.variance, self.paused_s, self.is_fixed) = (0.0, GUESS_VARIANCE, 0.0, false);
         self.refer_to(plant.b / guessed_gain(plant.kappa));
@@ -151,26 +151,25 @@ impl GainEstimate {
             && HEAVY_TIME_CONSTANT_RATIO * plant.b < guessed_gain(plant.kappa)
     }
 
-    /// Converts theta and its variance for an observer that uses another gain b, which is this factor times the
-    /// previous b.
+    /// Converts theta and its variance to a new gain b of the observer, which is this factor times the old gain.
     fn refer_to(&mut self, factor: f32) {
         self.theta = (1.0 + self.theta) / factor - 1.0;
         self.variance /= factor * factor;
     }
 
-    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Nothing is then learned
-    /// until [`learn_again`](Self::learn_again), or until the estimate returns to the initial guess.
+    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Corrections then do
+    /// not update theta until [`learn_again`](Self::learn_again), or until the estimate returns to the initial guess.
     pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
         self.is_fixed = true;
     }
 
-    /// True if nothing is learned after [`multiply`](Self::multiply).
+    /// True while corrections do not update theta, see [`multiply`](Self::multiply).
     pub(super) const fn is_fixed(&self) -> bool {
         self.is_fixed
     }
 
-    /// Learns again after [`multiply`](Self::multiply).
+    /// Lets corrections update theta again after [`multiply`](Self::multiply).
     pub(super) const fn learn_again(&mut self) {
         self.is_fixed = false;
     }
@@ -236,11 +235,11 @@ impl GainEstimate {
         let innovation = error - s * self.theta;
         let drift = VOLTAGE_NOISE * plant.b * age_s * age_s / 2.0;
         let noise = COUNTING_NOISE * COUNTING_NOISE + drift * drift;
-        // An open bridge does not accelerate the motor, so nothing shows its gain.
+        // An open bridge does not accelerate the motor, so no correction shows the gain.
         let excited = voltage.is_some_and(|volts| {
             (self.net_volts - self.mean_net_volts).abs() > EXCITATION_SHARE * volts.abs()
         });
-        // The variance is above the guess's after a step to a smaller gain.
+        // A step to a smaller gain may have raised the variance above the variance of the guess.
         if excited && s.abs() > LEAST_GROWTH_SENSITIVITY && self.variance < GUESS_VARIANCE {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
@@ -250,11 +249,10 @@ impl GainEstimate {
                 <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
                     + LARGEST_NOISE_SIGMAS * sqrtf(noise);
         if !is_explained {
-            // With a sensitivity this small a wrong gain cannot be the cause, unless the gain has been wrong since before
-            // the last pause.
+            // With so small a sensitivity a wrong gain is not the cause: the state of the observer is wrong.
             if s.abs() * guessed_gain(plant.kappa) < RELEVANT_SENSITIVITY * plant.b {
-                // A far too small gain makes the state wrong without end, and the sensitivity is 0 during a pause. Without
-                // this limit such a gain would pause the estimate for ever.
+                // Exception: a gain that is far too small makes the state wrong again after each pause. As the
+                // sensitivity is 0 during a pause, such a gain would pause the estimate for ever.
                 if self.paused_s > LONGEST_PAUSE_S {
                     self.return_to_guess(plant);
                 }

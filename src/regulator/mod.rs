@@ -49,10 +49,11 @@ use swings::{Swing, Swings};
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
-/// If the last edge is older than this, in us, and counts are due at the requested speed, a stop may block the motor. Samples
-/// without a count then do not update the gain.
+/// Least age of the last edge, in us, at which a stop may block a motor. Samples without a count then do not update the
+/// gain, if counts are due at the requested speed or [`UNCERTAIN_COUNTS`] are missing.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
-/// Counts that are due since the last edge below [`COUNTS_DUE_SPEED`], see [`UNCERTAIN_EDGE_MICROS`].
+/// Counts that must be missing since the last edge at a requested speed below [`COUNTS_DUE_SPEED`], so that a stop may
+/// block the motor.
 const UNCERTAIN_COUNTS: f32 = 8.0;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
@@ -63,12 +64,13 @@ const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::new(40);
 /// heavier than configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
 
-/// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
-/// `swings.rs`.
+/// Factor by which a half swing of a speed that swings raises the acceleration per volt in use: see `swings.rs`.
 const GAIN_STEP: f32 = 1.4;
-/// Largest product of these factors for one demand.
+/// Largest ratio of the raised acceleration per volt to the value before. Five factors of [`GAIN_STEP`] reach this
+/// ratio.
 const LARGEST_GAIN_RATIO: f32 = 4.0;
-/// Factor by which the estimate of an unknown motor is then raised: five times [`GAIN_STEP`].
+/// Product of these five factors. The estimate of an unknown motor is divided by this product if raising the gain has
+/// not ended the swings.
 const LARGEST_RAISE: f32 = 5.4;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
@@ -85,8 +87,8 @@ const AT_SPEED_VOLTS: f32 = 1.0;
 /// | `FromBrake`, `FromStop` | restarts with a current of zero | restarts |
 ///
 /// If the encoder of a motor that should turn has sent no count for 100 ms, every transition is treated as if the motor
-/// left its stop: both regulators set the estimated load to 0, and PID restarts as after `FromStop`. Only `OpenBridge` restarts PID as the
-/// table says.
+/// left its stop: both regulators set the estimated load to 0, and PID restarts as after `FromStop`. Only `OpenBridge`
+/// restarts PID as the table says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
     /// The motor gets another target in the same mode.
@@ -119,18 +121,18 @@ pub struct Regulator {
     loops: Loops,
     hunting: Hunting,
     swings: Swings,
-    /// Factor by which the acceleration per volt was raised because the speed swings, 1 to [`LARGEST_GAIN_RATIO`]: of a
-    /// configured motor the value in use, of an unknown motor the estimate. See [`end_swings`](Self::end_swings).
+    /// Factor by which the acceleration per volt was raised because the speed swings, 1 to [`LARGEST_GAIN_RATIO`]. For
+    /// a motor with configured dynamics the value in use was raised. For an unknown motor the estimate was raised.
     gain_ratio: f32,
-    /// True until the first step of a new set-point has ended, see [`end_swings`](Self::end_swings).
+    /// True if the search for swings begins again after the next step, see [`end_swings`](Self::end_swings).
     ends_swings: bool,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
     predicted_until: Micros,
-    /// Target position at the last tick, in counts. With the demanded speed 0 this is the position at which the motor came
-    /// to rest. `None` while the motor turns at a demanded speed or follows a reference.
+    /// Target position at the last tick, in counts. With the demanded speed 0 this is the position at which the motor
+    /// came to rest. `None` while the motor turns at a demanded speed or follows a reference.
     position_target: Option<i32>,
     /// Time in ms for which the encoder of a motor that should turn has sent no count.
     stalled_ms: u32,
@@ -140,7 +142,7 @@ pub struct Regulator {
     requested: CountsPerSecond,
     /// Voltage across the motor in V; `None` while the bridge is open.
     volts: Option<f32>,
-    /// True if the current of this voltage is treated as discontinuous.
+    /// True if the winding's current is treated as discontinuous.
     is_discontinuous: bool,
 }
 
@@ -177,7 +179,7 @@ impl Regulator {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
         if emf_changed || dynamics_changed {
-            // If dynamics are removed, the estimate begins with the gain that was configured.
+            // If dynamics are removed, the estimate begins with the gain that they had.
             let begins_with_old = new.dynamics.is_none() && !emf_changed;
             let gain = if begins_with_old { self.plant.b / self.gain_ratio } else { initial_gain(new) };
             (self.swings, self.gain_ratio) = (Swings::default(), 1.0);
@@ -376,8 +378,8 @@ impl Regulator {
         self.pass_voltage();
     }
 
-    /// After the next step the search for swings begins again, and the configured acceleration per volt is in use again if
-    /// it was raised. The raised estimate of an unknown motor stays. Must be called for each new set-point.
+    /// After the next step the search for swings begins again, and the configured acceleration per volt is in use again
+    /// if it was raised. The raised estimate of an unknown motor stays. Must be called for each new set-point.
     pub const fn end_swings(&mut self) {
         self.ends_swings = true;
     }
@@ -457,7 +459,7 @@ impl Regulator {
 
     /// True if the motor has to turn at 40 counts/s or more, but the encoder has sent no count for 100 ms of ticks.
     pub const fn is_stalled(&self, period: Period) -> bool {
-        // The first tick has counted its period, although the request began at its end.
+        // The first tick adds a whole period, although the request begins only at the end of this tick.
         self.stalled_ms >= STALLED_MS + period.as_millis()
     }
 
@@ -470,7 +472,7 @@ impl Regulator {
     /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
         let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(&self.plant));
-        // A gain is raised only to end swings. The motor's true gain may still be the gain before.
+        // A gain is raised only to end swings, so the motor's true gain may be as small as the gain before the raise.
         known.then_some(LEAST_GAIN_SHARE * self.plant.b / self.gain_ratio)
     }
 
@@ -574,7 +576,7 @@ impl Regulator {
         } else if !self.ends_swings {
             match self.swings.step(demand, present.speed(), output.speed.to_f32(), period_ms as u16) {
                 Some(Swing::Fast) => self.raise_gain(demand, context),
-                // The estimate may have been raised by mistake.
+                // The estimate may have been raised by mistake, so it is updated again.
                 Some(Swing::Slow) => {
                     if let Some(estimate) = &mut self.gain_estimate {
                         estimate.learn_again();
@@ -586,11 +588,12 @@ impl Regulator {
         output
     }
 
-    /// Raises the acceleration per volt in use, because the speed swings. If a position swings on with the largest value,
-    /// the swings have another cause, for example a load that swings: the value before is then in use again.
+    /// Raises the acceleration per volt in use, because the speed swings. If the speed on the way to a position still
+    /// swings with the largest value, the swings have another cause, for example a load that swings. The value before
+    /// the first raise is then in use again.
     fn raise_gain(&mut self, demand: Demand, context: &Context<'_>) {
         if self.gain_estimate.as_ref().is_some_and(|estimate| !estimate.is_fixed()) {
-            // What was raised before has since been replaced by what was learned, or by the initial guess.
+            // The estimate no longer contains the earlier raises, because it has been updated or discarded since.
             self.gain_ratio = 1.0;
         }
         let (factor, ratio) = if self.gain_ratio < LARGEST_GAIN_RATIO {
@@ -603,7 +606,7 @@ impl Regulator {
         if ratio == LARGEST_GAIN_RATIO {
             self.swings = Swings::default();
         } else if ratio == 1.0 {
-            self.swings = Swings::NONE_COUNT;
+            self.swings = Swings::OFF;
         }
         if let Some(estimate) = &mut self.gain_estimate {
             estimate.multiply(factor);

@@ -9,24 +9,24 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a control
-//! period above 50 ms its acceleration therefore decays by drag alone until the next voltage is set.
+//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a control period
+//! above 50 ms the acceleration by such a current therefore decays by drag alone until the next voltage is set.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
 //! noise: at 1000 counts/s every sample has one count, whatever x is.)
 //!
-//! A count is *late* while the predicted x is outside of its count and the count has not come. When the late count
-//! comes, it shows how long the motor took for the whole count. With a correction at every sample before the count, the
-//! observer would estimate a motor that creeps along the edge of its count. So nothing is corrected before the count
-//! comes, and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions.
-//! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
-//! speed is demanded, every sample with a late count corrects x.
+//! A count is *late* while the predicted x is outside of the present count, but the encoder has not sent the next
+//! count. When the late count comes, it shows how long the motor took for the whole count. With a correction at every
+//! sample before the late count, the estimate would be a motor that creeps along the edge of its count. So the observer
+//! corrects nothing before the late count comes. [`Observer::with_late_count`] returns the estimate as if the late
+//! count came now. There are two exceptions. Once x is late by a whole count, the motor may stand, so every further
+//! sample without a count corrects x. While no speed is demanded, every sample with a late count corrects x.
 //!
-//! Such a correction at standstill says little: x is at an edge of its count, and the shaft may be anywhere within the
-//! count. The next count may show that x is wrong by a whole count, and this is no sudden motion. So while the motor
-//! should stand, the correction by a late count has the gains of one sample, and is no correction in the sense of the
-//! next paragraph.
+//! Such a correction at standstill is uncertain: x is at an edge of its count, but the shaft may be anywhere within the
+//! count. The next count may show that x is wrong by a whole count, although the shaft has hardly moved. So while the
+//! motor should stand, the correction by a late count has the gains of one sample, and the time t of the next paragraph
+//! continues.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
 //! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
@@ -82,9 +82,9 @@ pub(super) struct Plant {
 impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
-        // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower. A
-        // load is then estimated sooner, but a slow motion becomes less smooth. At a held position so low a z would let a
-        // count change the load so much that the position swings by two counts.
+        // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower.
+        // A load is then estimated sooner, but a slow motion becomes less smooth. While the motor holds a position, z
+        // is higher: otherwise each count would change the load so much that the position swings by two counts.
         let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
             0..=20 => (45.0, 0.35, 0.35),
             21..=50 => (42.0, 0.35, 0.35),
@@ -195,7 +195,8 @@ pub(super) struct Observer {
     acceleration: f32,
     /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
-    /// True while the acceleration decays by drag alone: the bridge is open, or the current is treated as discontinuous.
+    /// True while the acceleration decays by drag alone: the bridge is open, or the current is treated as
+    /// discontinuous.
     decays_by_drag: bool,
     /// True while a speed is demanded.
     speed_demanded: bool,
@@ -243,9 +244,9 @@ impl Observer {
         self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
     }
 
-    /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None`
-    /// if nothing is corrected. While a speed is demanded, a late count corrects nothing before the count comes, or is
-    /// late by a whole count. `should_stand` is true if the requested speed is 0.
+    /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None` if
+    /// nothing is corrected. While a speed is demanded, a sample without a count corrects nothing until the next count
+    /// is late by a whole count. `should_stand` is true if the requested speed is 0.
     pub(super) fn update(&mut self, plant: &Plant, moved: i32, should_stand: bool) -> Option<Correction> {
         if moved == 0 {
             let late = if self.speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
@@ -294,7 +295,7 @@ impl Observer {
         Some(self.correct(plant, error, gains))
     }
 
-    /// The gains for the time since the last correction. The time begins again.
+    /// The gains for the time since the last correction. This time then starts again at 0.
     fn take_gains(&mut self, plant: &Plant) -> Gains {
         let z = if self.speed_demanded { self.z } else { at_least(self.z, plant.least_holding_z) };
         let gains = Gains::new(at_least(self.age_s, SAMPLE_S), z);
@@ -317,7 +318,7 @@ impl Observer {
 
     /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
     pub(super) const fn rest(&mut self) {
-        // A late count no longer comes.
+        // The shaft rests within its count, so no count is late.
         self.x = self.nearest();
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }

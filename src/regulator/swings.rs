@@ -2,8 +2,8 @@
 //! settle. (A speed that *hunts* has another cause, a back EMF constant that is too high: see `hunting.rs`.)
 //!
 //! The cause of swings is an acceleration per volt in use, configured or estimated, that is lower than the motor's true
-//! value. The law then corrects too much: with less than about half of the true value each error becomes an error of the
-//! other sign that is as large, and the swing does not end:
+//! value. The law then corrects too much: with less than about half of the true value each error becomes an error of
+//! the other sign that is as large, and the swing does not end:
 //!
 //! ```text
 //!   speed        .            .
@@ -14,8 +14,9 @@
 //!               |------|----|-----|         half swings: from beyond one limit to beyond the other
 //! ```
 //!
-//! The fourth short half swing in a row, and each further one, shows that the swing lasts. Long half swings have another
-//! cause: a slow load, friction, or a gain that is too high. The fourth long one in a row shows that the gain is not too low.
+//! The fourth short half swing in a row, and each further one, shows that the swing lasts. Long half swings have
+//! another cause: a slow load, friction, or a gain that is too high. The fourth long half swing in a row, and each
+//! further one, shows that the gain is not too low.
 
 use super::Demand;
 use crate::units::single::at_least;
@@ -27,8 +28,8 @@ pub(super) struct Swings {
     side: i8,
     /// Time since the sign has changed, in ms.
     age_ms: u16,
-    /// Number of short half swings in a row. A negative number counts long half swings in a row. `i8::MAX`: see
-    /// [`NONE_COUNT`](Self::NONE_COUNT).
+    /// Number of short half swings in a row. A negative number counts long half swings in a row. `i8::MAX` if the
+    /// detector is [off](Self::OFF).
     half_swings: i8,
 }
 
@@ -43,30 +44,31 @@ pub(super) enum Swing {
 
 /// Limits of the detector. `docs/decisions/0030-a-speed-that-swings.md` has the figures behind the values.
 impl Swings {
-    /// Least error of the speed that counts as a swing, as a share of the set-point.
+    /// Least error of a demanded speed that counts as a swing, as a share of the speed that the motor should have.
     const LEAST_ERROR_SHARE: f32 = 0.008;
     /// Least error of a demanded speed that counts as a swing, in counts/s.
     const LEAST_ERROR_CPS: f32 = 0.8;
-    /// Least error of the speed on the way to a position, as a share of the planned speed. It is larger than for a demanded
-    /// speed: a gain that is raised by mistake also raises the planned deceleration, and the motor overshoots its target.
+    /// Least error of the speed on the way to a position, as a share of the planned speed. It is larger than for a
+    /// demanded speed: a gain that is raised by mistake also raises the planned deceleration, and the motor overshoots
+    /// its target.
     const LEAST_POSITION_ERROR_SHARE: f32 = 0.1;
-    /// Least error of the speed on the way to a position, or while the motor holds it, in counts/s. A motor that holds its
-    /// position may move by a count, and its speed is then estimated too high.
+    /// Least error of the speed on the way to a position, or while the motor holds it, in counts/s. A motor that holds
+    /// its position may move by a count, and its speed is then estimated too high.
     const LEAST_POSITION_ERROR_CPS: f32 = 20.0;
     /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to four ticks is
     /// short too.
     const SHORT_HALF_SWING_MS: u16 = 150;
-    /// Number of short or of long half swings in a row that do not show anything yet.
+    /// Largest number of short, or of long, half swings in a row from which nothing is concluded.
     const MOST_HALF_SWINGS: i8 = 3;
 }
 
 impl Swings {
-    /// A detector that finds no more swings.
-    pub(super) const NONE_COUNT: Self = Self { side: 0, age_ms: 0, half_swings: i8::MAX };
+    /// A detector that is off: it reports nothing until it is replaced.
+    pub(super) const OFF: Self = Self { side: 0, age_ms: 0, half_swings: i8::MAX };
 
-    /// Updates the detector at a control tick. The caller resets the detector when the demand changes. `speed` is the
-    /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns what the half swings
-    /// show, if one ends at this tick.
+    /// Updates the detector at a control tick. The caller replaces the detector when the demand changes. `speed` is the
+    /// estimated speed, and `wanted` the speed that the motor should have, both in counts/s. Returns what the half
+    /// swings show, if a half swing ends at this tick.
     pub(super) fn step(&mut self, demand: Demand, speed: f32, wanted: f32, period_ms: u16) -> Option<Swing> {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - wanted;
@@ -105,8 +107,8 @@ mod tests {
 
     const SET_POINT: f32 = 1_000.0;
 
-    /// Ticks of 50 ms until the detector reports a swing, at most 200; `None` if there is none. The error of the speed in
-    /// counts/s is a function of the tick.
+    /// Ticks of 50 ms until the detector reports a swing, at most 200; `None` if there is none. The error of the speed
+    /// in counts/s is a function of the tick.
     fn found(error: impl Fn(u32) -> f32, demand: Demand) -> Option<u32> {
         let mut swings = Swings::default();
         let wanted = if demand == SPEED { SET_POINT } else { 0.0 };
