@@ -85,27 +85,31 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A
-    /// motor that has left a moving group gets the velocity 0 as its set-point. The setting `ZeroPower` says whether
-    /// this motor then brakes or coasts.
+    /// motor that has left a group gets the velocity 0 as its set-point. The setting `ZeroPower` says whether this
+    /// motor then brakes or coasts.
     pub(super) fn release_and_stop(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.remove_members(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay halt according to `halt`; `None` stands for the
-    /// group's own setting. A waiting group then ends. Returns the motors of `leaving` that were in a moving group.
+    /// group's own setting. A waiting group then ends. Returns the motors of `leaving` that were in a group.
     pub(super) fn remove_members(
         &mut self,
         leaving: [bool; N],
         halt: Option<Halt>,
         motors: &mut [Motor; N],
     ) -> [bool; N] {
-        let mut were_moving = [false; N];
+        let mut have_left = [false; N];
         for slot in &mut self.states {
             let ended = match slot {
                 Some(ActiveGroup::Waiting(command)) => {
                     let members = command.course.members();
-                    let ended = leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member);
+                    let mut ended = false;
+                    for (left, (leaves, member)) in have_left.iter_mut().zip(leaving.iter().zip(members)) {
+                        *left |= *leaves && member;
+                        ended |= *leaves && member;
+                    }
                     if ended {
                         // The set-points from before the group's command do not come into force again.
                         let setpoint = match halt.unwrap_or(command.halt) {
@@ -121,7 +125,7 @@ impl<const N: usize> Groups<N> {
                 }
                 Some(ActiveGroup::Moving { group, .. }) => {
                     let members = *group.members();
-                    for (motor, (left, leaves)) in were_moving.iter_mut().zip(leaving).enumerate() {
+                    for (motor, (left, leaves)) in have_left.iter_mut().zip(leaving).enumerate() {
                         if leaves && members.get(motor) == Some(&true) {
                             group.remove(motor);
                             *left = true;
@@ -135,7 +139,7 @@ impl<const N: usize> Groups<N> {
                 *slot = None;
             }
         }
-        were_moving
+        have_left
     }
 
     /// Starts the waiting groups whose members are all ready. Sets the set-points of all members of moving groups for

@@ -272,6 +272,18 @@ fn wheels_of_a_new_base_leave_their_group() {
 }
 
 #[test]
+fn wheels_of_a_new_base_that_leave_a_waiting_group_stop() {
+    let mut robot = Robot::new(false, 50);
+    (0..2).for_each(|wheel| robot.bench.set(wheel, common::velocity(300)));
+    robot.run_ms(1_000);
+    // Both commands arrive between two ticks.
+    robot.begin_turn(360.0);
+    robot.configure(BaseSettings::new([0, 1], &BASE, false).expect("in range")).expect("both wheels");
+    robot.run_ms(50);
+    assert_eq!([0, 1].map(|wheel| robot.bench.snapshot.motors[wheel].setpoint), [common::velocity(0); 2]);
+}
+
+#[test]
 fn wheels_of_a_base_that_is_deleted_while_it_drives_stop_without_a_jump() {
     let mut robot = Robot::new(true, 50);
     robot.turn(90.0);
