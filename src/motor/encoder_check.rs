@@ -213,9 +213,10 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Ends a stall, because the motor should stand. A motor that stands does not press against its stop.
+    /// Ends a stall, also during a runaway, because the motor should stand. A motor that stands does not press against
+    /// its stop.
     pub(super) const fn end_stall(&mut self) {
-        if let State::Stalled(_) = self.state {
+        if self.is_stalled() {
             self.state = State::Watching(Expected::NONE);
         }
     }
@@ -636,4 +637,29 @@ impl Runaway {
 /// Converts a value that is positive clockwise to a value that is positive in the direction `clockwise`.
 fn along(clockwise: bool, value: f32) -> f32 {
     if clockwise { value } else { -value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motor_that_should_stand_is_not_stalled_even_if_it_has_run_away_from_its_stop() {
+        let stall = Stall { clockwise: true, position: 0, free_ms: 0 };
+        let runaway = Runaway {
+            stall: Some(stall),
+            extension_ms: 0,
+            second: false,
+            clockwise: false,
+            early: Span::default(),
+            late: Span::default(),
+            full_reverse: false,
+        };
+        for state in [State::Stalled(stall), State::RunningAway(runaway)] {
+            let mut check = EncoderCheck { state, trusted: false };
+            assert!(check.is_stalled());
+            check.end_stall();
+            assert!(!check.is_stalled());
+        }
+    }
 }
