@@ -39,6 +39,11 @@ const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 /// Interval between reads of enabled motors and set-points from a hub that has no reports.
 const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
 
+/// Advance of the hub's clock between two reports, in ms, above which the hub counts as reset: a day. A reset hub
+/// starts its clock again at 0, which is an advance modulo 2^32 ms. While a computer is suspended, the clock advances
+/// by less.
+const RESET_ADVANCE_MS: u32 = 24 * 60 * 60 * 1_000;
+
 /// An event of a page, with the page's number.
 #[derive(Debug)]
 pub enum Event {
@@ -68,11 +73,16 @@ pub struct Relay {
     update: Option<Updating>,
     /// The newest frame.
     frame: Frame,
+    /// The hub's clock at its newest report; `None` before the first report of the shown hub.
+    hub_ms: Option<u32>,
+    /// Time at which the frames' clock started.
     since: Instant,
+    /// Time of the next attempt to connect.
     connect_at: Instant,
+    /// Time at which enabled motors and set-points of a hub without reports were read last.
     looked_at: Instant,
-    /// Time at which the shown hub was lost, and the first hub of the chain shown instead; `None` before.
-    given_way_at: Option<Instant>,
+    /// Time at which the shown hub was lost. Since then the first hub of the chain is shown. `None` before a loss.
+    lost_shown_at: Option<Instant>,
     /// Newest message about the line, for new pages.
     line: Message,
     /// Newest settings by motor, for new pages.
@@ -98,10 +108,11 @@ impl Relay {
             firmware: Vec::new(),
             update: None,
             frame: Frame::default(),
+            hub_ms: None,
             since: now,
             connect_at: now,
             looked_at: now,
-            given_way_at: None,
+            lost_shown_at: None,
             line,
             settings: BTreeMap::new(),
         }
@@ -181,7 +192,7 @@ impl Relay {
             }
             _ if self.pages.controller() != Some(id) => return Err("this page is not in control".to_owned()),
             // The order may be for the lost hub, and would drive the motor with the same number of the first hub.
-            _ if self.given_way_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
+            _ if self.lost_shown_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
                 return Err("the hub of this order does not answer, and another hub is shown".to_owned());
             }
             _ => {
@@ -446,7 +457,7 @@ impl Relay {
         };
         self.send_notice(error.to_string(), lost == shown);
         if lost == shown {
-            self.given_way_at = Some(Instant::now());
+            self.lost_shown_at = Some(Instant::now());
             (self.identification, self.playing) = (None, None);
             self.lose_save(&error.to_string());
             if let Err(error) = self.query_hub() {
@@ -499,14 +510,15 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
-            // The time of a report wraps after 49 days.
-            if report.at_ms.wrapping_sub(self.frame.tick_ms) > u32::MAX / 2 {
+            let advance_ms = self.hub_ms.map_or(0, |before| report.at_ms.wrapping_sub(before));
+            if advance_ms > RESET_ADVANCE_MS {
                 self.playing = None;
                 self.query_hub()?;
                 let text =
                     "the hub was reset: its motors are disabled, and settings that were not stored are lost";
                 self.send_notice(text.to_owned(), true);
             }
+            self.hub_ms = Some(report.at_ms);
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -560,7 +572,7 @@ impl Relay {
         let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
-        self.frame.tick_ms = 0;
+        self.hub_ms = None;
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });

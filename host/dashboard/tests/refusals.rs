@@ -109,14 +109,17 @@ fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
         hub.snapshot.at = Micros::new(1_000 * ms);
         hub
     };
-    let (server, mut page) = page_of_server(running_for(60_000), None);
-    assert_eq!(page.settings("configure", current_limit())["undoable"], 1);
-    page.message("frame");
-    *server.hub() = running_for(20);
-    let is_of_motor_0 = |message: &Value| message["kind"] == "settings" && message["motor"] == 0;
-    let settings = page.until("new settings", |_, message| is_of_motor_0(message));
-    assert_eq!(settings["undoable"], 0, "{settings}");
-    page.notice("the hub was reset");
+    const DAY_MS: u64 = 24 * 60 * 60 * 1_000;
+    for ms in [60_000, 40 * DAY_MS] {
+        let (server, mut page) = page_of_server(running_for(ms), None);
+        assert_eq!(page.settings("configure", current_limit())["undoable"], 1);
+        page.message("frame");
+        *server.hub() = running_for(20);
+        let is_of_motor_0 = |message: &Value| message["kind"] == "settings" && message["motor"] == 0;
+        let settings = page.until("new settings", |_, message| is_of_motor_0(message));
+        assert_eq!(settings["undoable"], 0, "{settings}");
+        page.notice("the hub was reset");
+    }
 }
 
 #[test]
