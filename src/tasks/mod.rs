@@ -72,6 +72,9 @@ pub const COMMANDS: usize = 16;
 /// Largest number of tasks that can wait for snapshots.
 pub const OBSERVERS: usize = 4;
 
+/// Longest word that a flash may have, in bytes.
+const WORD_BYTES: usize = 32;
+
 /// The signals between the responder and a task that carries out its requests.
 pub struct RequestChannel<M: RawMutex, Request, Report> {
     /// Request of the responder. The responder waits for the result before it sends the next request.

@@ -44,8 +44,8 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a
 /// receiver on a chip needs its own buffer.
 ///
-/// A board without devices for hosts passes `&mut ()` as `devices`. `show` receives the colour of the status LED at each
-/// update, also if the colour has not changed.
+/// A board without devices for hosts passes `&mut ()` as `devices`. `show` receives the colour of the status LED at
+/// each update, also if the colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
@@ -57,7 +57,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     responder.outputs.equipment = devices.equipment();
     let mut service = Service::new(responder, devices, wires, show);
     service.await_store().await;
-    // The parent no longer waits for the answers to requests that have waited here.
+    // The parent no longer waits for answers to requests that have arrived during the wait.
     wires.chain.received.clear();
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
@@ -86,7 +86,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             let packet = match from_chain.take() {
                 Some(packet) if packet.destination == HOST => service.responder.pass_to_host(packet),
                 Some(packet) => {
-                    // The parent sends one request at a time, so there is room for the answer.
+                    // The parent sends one request at a time, so the channel has room for the answer.
                     if let Some(reply) = service.answer(&packet, Line::Chain).await {
                         let _ = wires.chain.send.try_send(reply);
                     }
@@ -219,8 +219,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         }
         let permitted = responder.permits_button();
         wires.button_permitted.lock(|cell| cell.set(permitted));
-        // Motors that the button drives are disabled before the first command of a host is sent. The task of the button polls the
-        // permission, so it may disable them after a command of the host.
+        // Motors that the button drives are disabled here, before the first command of a host is sent. The task of the
+        // button only polls the permission, so its own command could come after the host's command.
         let is_released = permitted || wires.try_send_by_button(Setpoint::Disabled);
         let mut command = if is_released { responder.pending() } else { None };
         while let Some(next) = command

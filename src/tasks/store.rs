@@ -2,12 +2,12 @@
 //! responder.
 //!
 //! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of three keys. Two items
-//! are copies of one [`SettingsRecord`]. The third item is a mark without content, which tells that a save was completed
-//! since the memory was erased. The map appends items to one page until the page is full. The map then
+//! are copies of one [`SettingsRecord`]. The third item is a mark without content, which tells that a save was
+//! completed since the memory was erased. The map appends items to one page until the page is full. The map then
 //! *moves*: it copies the newest items to the other page, and erases the full page.
 //!
-//! Other tasks run after each word that is written. Pages are erased at boot, and for a request that the responder has
-//! made while all motors were off. A motor that a host enables after the request does not prevent the erasure.
+//! Other tasks run after each word that is written. Pages are only erased at boot, and for a request that the responder
+//! has made while all motors were off. A motor that a host enables after the request does not prevent the erasure.
 //!
 //! ```
 //! use embassy_futures::block_on;
@@ -57,7 +57,7 @@
 //! assert_eq!((done.outcome, done.found.map(|found| found.stored)), (Outcome::Done, Some(Stored::Whole)));
 //! ```
 
-use super::Wires;
+use super::{WORD_BYTES, Wires};
 use crate::store::{CAPACITY, Found, Outcome, SettingsRecord, StoreRequest, StoreResult, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
@@ -73,15 +73,12 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// Keys of the two copies in the map.
 const COPY_KEYS: [u8; 2] = [1, 2];
 
-/// Key of the mark that a save was completed. If neither copy can be read, the mark tells damaged copies from a first
-/// save that a power cut has interrupted.
+/// Key of the mark that a save was completed. If neither copy can be read, the copies are damaged if there is a mark.
+/// Without a mark a power failure has interrupted the first save.
 const SAVED_KEY: u8 = 3;
 
 /// Size of a buffer for a record with its key, in bytes, rounded up to a multiple of the longest word.
-const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
-
-/// Longest word that a flash may have, in bytes.
-const WORD_BYTES: usize = 32;
+const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(WORD_BYTES);
 
 /// Runs the task: reads the settings once, and then carries out requests. Never returns.
 pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>, wires: &Wires<M, N>) -> ! {
@@ -162,7 +159,7 @@ impl<F: NorFlash> Keeper<F> {
         };
         let contents = (self.content(first).await, self.content(second).await);
         let (Some(first_content), Some(second_content)) = contents else { return Ok(()) };
-        let second_has_less = (second_content, first_full) < (first_content, second_full);
+        let second_has_less = (second_content, !second_full) < (first_content, !first_full);
         let less = if second_has_less { second } else { first };
         self.flash.erase(less.start, less.end).await
     }
@@ -219,8 +216,8 @@ impl<F: NorFlash> Keeper<F> {
         StoreResult { found, outcome }
     }
 
-    /// Writes both copies of the request's record, and then the mark if it is missing. Writes nothing if the request has
-    /// no record.
+    /// Writes both copies of the request's record, and then the mark if it is missing. Writes nothing if the request
+    /// has no record.
     async fn write(&mut self, request: &StoreRequest) -> Outcome {
         let Some(record) = &request.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
@@ -295,8 +292,8 @@ struct SharedFlash<F> {
     visible: Option<Range<u32>>,
 }
 
-/// The map treats a word with at least this number of zero bits as marked. A mark is a byte of zeros, and half of its
-/// bits are enough. The map marks the first word of a page in use, and the last word of a full page.
+/// Number of zero bits of a word from which the map treats the word as marked: half of the bits of a byte. The map
+/// marks the first word of a page in use, and the last word of a full page, with bytes of zeros.
 const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {

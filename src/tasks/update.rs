@@ -36,7 +36,7 @@ pub use blocking_flash::BlockingFlash;
 pub use signature::discard_refused_swap;
 pub use swap::discard_stale_swap;
 
-use super::{Health, Wires};
+use super::{Health, WORD_BYTES, Wires};
 use crate::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, SlotReport, UpdateRequest};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
@@ -60,9 +60,6 @@ const CONFIRM_PAUSE: Duration = Duration::from_secs(1);
 
 /// Time from the request of a restart to the restart. The responder replies to the host during this time.
 const RESTART_DELAY: Duration = Duration::from_millis(50);
-
-/// Longest word that a flash may have, in bytes.
-const WORD: usize = 32;
 
 /// Value of each byte of erased flash.
 const BLANK: u8 = 0xFF;
@@ -143,7 +140,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// download slot's word. A chunk must be a multiple of the words to read from both slots; this is not checked.
     pub fn new(active: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
-        let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
+        let fits = words.iter().all(|word| *word <= WORD_BYTES) && CHUNK.is_multiple_of(D::WRITE_SIZE);
         (fits && S::WRITE_SIZE >= swap::SUMS_BYTES).then_some(Self {
             active,
             download,
@@ -152,7 +149,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     }
 
     /// Returns embassy-boot's access to the bootloader's state. `word` is a buffer for one word of the flash.
-    fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut StateFlash<S>> {
+    fn state<'a>(&'a mut self, word: &'a mut [u8; WORD_BYTES]) -> FirmwareState<'a, &'a mut StateFlash<S>> {
         // `new` has checked that the buffer is long enough.
         let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
         FirmwareState::new(&mut self.state, word)
@@ -162,7 +159,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// [`Booted::OnTrial`], although the new firmware has not been started. [`Booted::Unknown`] if the state cannot be
     /// read.
     pub async fn booted(&mut self) -> Booted {
-        let mut word = [0; WORD];
+        let mut word = [0; WORD_BYTES];
         match self.state(&mut word).get_state().await {
             Ok(State::Swap) => Booted::OnTrial,
             Ok(State::Revert) => Booted::Reverted,
@@ -173,7 +170,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
 
     /// Confirms this firmware, so that the bootloader starts this firmware after each reset. Removes a swap mark.
     pub async fn confirm(&mut self) -> Outcome {
-        let mut word = [0; WORD];
+        let mut word = [0; WORD_BYTES];
         self.state(&mut word).mark_booted().await.map_or(Outcome::Refused, |()| Outcome::Done)
     }
 
@@ -188,14 +185,14 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         Outcome::Done
     }
 
-    /// Writes one word. Missing bytes at its end are written as 0xFF. If the word is the first of a page, the page is
-    /// erased first.
+    /// Writes one word. Missing bytes at its end are written as [`BLANK`]. If the word is the first of a page, the page
+    /// is erased first.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
             self.download.erase(at, at.saturating_add(page)).await?;
         }
-        let mut word = [0xFF; WORD];
+        let mut word = [BLANK; WORD_BYTES];
         word.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
         self.download.write(at, word.get(..D::WRITE_SIZE).unwrap_or_default()).await
     }
@@ -218,9 +215,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
             Ok(_) => (),
         }
         if let Some(signature) = signature {
-            let genuine = self.verify(length, &signature, motors_off).await;
-            if genuine != Outcome::Done {
-                return genuine;
+            let verified = self.verify(length, &signature, motors_off).await;
+            if verified != Outcome::Done {
+                return verified;
             }
         }
         let signature = signature.map(|signature| (length, signature.bytes));
@@ -268,8 +265,7 @@ async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Res
     Ok(sum.finalize())
 }
 
-/// The flash with the bootloader's state. Hub and bootloader must both access the state through this
-/// type.
+/// The flash with the bootloader's state. Hub and bootloader must both access the state through this type.
 ///
 /// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark
 ///   could otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second
@@ -299,19 +295,19 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). A word of mostly 0 is no swap
-        // mark.
-        let _ = self.0.write(from, [0; WORD].get(..S::WRITE_SIZE).unwrap_or_default()).await;
+        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). Such a word still consists mostly
+        // of 0, and so is no swap mark. If the write fails, the page is erased anyway.
+        let _ = self.0.write(from, [0; WORD_BYTES].get(..S::WRITE_SIZE).unwrap_or_default()).await;
         self.0.erase(from, to).await
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
-        let mut buffer = [0; WORD];
+        let mut buffer = [0; WORD_BYTES];
         if bytes.iter().all(|byte| *byte == 0)
             && let Some(word) = buffer.get_mut(..bytes.len())
         {
-            // After a power failure the bootloader repeats its last write of zeros. A word without a blank byte counts
-            // as written.
+            // After a power failure the bootloader repeats its last write of zeros. A word without a blank byte has
+            // been written.
             self.0.read(offset, word).await?;
             if !word.contains(&BLANK) {
                 return Ok(());

@@ -4,7 +4,8 @@
 //! run.
 
 use super::swap::{progress, refuse, stored_signature};
-use super::{Outcome, Slots, StateFlash, WORD, each_chunk};
+use super::{Outcome, Slots, StateFlash, each_chunk};
+use crate::tasks::WORD_BYTES;
 use crate::update::{ImageSignature, ROLLBACK_VERSION_AT};
 use core::future::ready;
 use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
@@ -57,7 +58,7 @@ async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<
     if length < ROLLBACK_VERSION_AT + 4 {
         return Ok(0);
     }
-    let mut word = [0; WORD];
+    let mut word = [0; WORD_BYTES];
     slot.read(ROLLBACK_VERSION_AT, &mut word).await?;
     Ok(word.first_chunk().map_or(0, |number| u32::from_le_bytes(*number)))
 }

@@ -30,7 +30,8 @@
 //! progress then counts as 4 N. If the power has failed while new firmware confirmed itself, the new firmware does not
 //! have the checksums of the previous firmware, so the swap is stale: the new firmware is started and is confirmed.
 
-use super::{BLANK, StateFlash, WORD, checksum};
+use super::{BLANK, StateFlash, checksum};
+use crate::tasks::WORD_BYTES;
 use embassy_boot::FirmwareState;
 use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
@@ -104,7 +105,7 @@ pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     signature: Option<(u32, [u8; 64])>,
 ) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
-    let mut buffer = [0; WORD];
+    let mut buffer = [0; WORD_BYTES];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     state.erase(0, state.capacity() as u32).await.map_err(kind)?;
     let length = D::ERASE_SIZE as u32;
@@ -139,7 +140,7 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
     let length = A::ERASE_SIZE as u32;
     let pages = active.capacity() as u32 / length;
     let Some(progress) = progress(state, pages).await.map_err(kind)? else { return Ok(()) };
-    let mut buffer = [0; WORD];
+    let mut buffer = [0; WORD_BYTES];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     for page in 0..pages {
         let sum = checksum(active, page * length, length).await?;
@@ -157,7 +158,7 @@ pub(super) async fn progress<S: NorFlash>(
     state: &mut StateFlash<S>,
     pages: u32,
 ) -> Result<Option<u32>, S::Error> {
-    let mut buffer = [0; WORD];
+    let mut buffer = [0; WORD_BYTES];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     state.read(0, word).await?;
     if word.iter().any(|byte| *byte != SWAP) {
@@ -180,7 +181,7 @@ pub(super) async fn progress<S: NorFlash>(
 
 /// Discards the marked swap: the firmware in the active slot is started.
 async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
-    let mut buffer = [0; WORD];
+    let mut buffer = [0; WORD_BYTES];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     FirmwareState::new(state, word).mark_booted().await.map_err(|_| NorFlashErrorKind::Other)
 }
@@ -191,6 +192,6 @@ async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashE
 pub(super) async fn refuse<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
     state.erase(0, state.capacity() as u32).await.map_err(kind)?;
-    let word = [REVERTED; WORD];
+    let word = [REVERTED; WORD_BYTES];
     state.write(0, word.get(..S::WRITE_SIZE).unwrap_or_default()).await.map_err(kind)
 }
