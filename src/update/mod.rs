@@ -15,8 +15,8 @@
 //!          begin             finish            image is correct          restart
 //! Nothing ---------> Receiving ---------> Checking ---------------> Armed ---------> reset
 //!    ^                  |                    |                        |
-//!    |  flash error, or | wrong CRC-32 or    |                        | abandon
-//!    |  abandon         v signature, abandon v                        v
+//!    |                  | flash error,       | image is wrong,        | abandon
+//!    |                  v abandon            v flash error, abandon   v
 //!    +<-----------------+<-------------------+<------------------ Disarming
 //! ```
 //!
@@ -24,7 +24,8 @@
 //! task arms the image, [`Update`] requests the disarming at once.
 //!
 //! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub
-//! then arms an image only if its signature is valid.
+//! then arms an image only if its signature is valid, and if the image is not [older](ROLLBACK_VERSION_AT) than the
+//! present firmware.
 //!
 //! [`Update`] accepts or refuses requests, and does not access the flash. The *slot task* (`tasks::update`) owns the
 //! flash. It carries out each [`UpdateRequest`] and answers with [`SlotReport`].
@@ -288,7 +289,8 @@ impl Update {
     /// slot.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the signature has another key than the hub.
+    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the signature has another key than the
+    /// hub.
     pub fn sign(&mut self, signature: ImageSignature) -> Result<(), Nack> {
         let signer = self.slot.signer.ok_or(Nack::UPDATE_NO_SIGNER)?;
         if self.phase != Phase::Receiving {
@@ -358,10 +360,11 @@ impl Update {
         Ok(())
     }
 
-    /// Requests a reset of the chip, after which the bootloader starts the armed image.
+    /// Requests a reset of the chip, after which the bootloader starts the armed image. A repeated call changes
+    /// nothing.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if no image is armed, or if a motor runs. A repeated call changes nothing.
+    /// Returns a [`Nack`] if no image is armed, or if a motor runs.
     pub fn restart(&mut self, motors_run: bool) -> Result<(), Nack> {
         if self.phase != Phase::Armed {
             return Err(Nack::UPDATE_NOT_ARMED);
@@ -375,15 +378,15 @@ impl Update {
         Ok(())
     }
 
-    /// Discards the announced image. If the image is armed, requests its disarming. If the image is being checked, and
-    /// is armed afterwards, [`done`](Self::done) requests its disarming. A repeated call changes nothing.
+    /// Discards the announced image. If the image is armed, requests its disarming. If the slot task is checking the
+    /// image, and arms it afterwards, [`done`](Self::done) requests its disarming. A repeated call changes nothing.
     ///
     /// # Errors
     /// Returns [`Nack::UPDATE_BUSY`] while the slot task writes a chunk, or restarts the chip.
     pub fn abandon(&mut self) -> Result<(), Nack> {
         match self.phase {
             Phase::Disarming => return Ok(()),
-            // A check that the slot task has begun ends first.
+            // The slot task ends a check that it has begun.
             Phase::Nothing | Phase::Checking if self.task == TaskState::Busy => (),
             Phase::Nothing | Phase::Checking => self.task = TaskState::Idle,
             Phase::Receiving | Phase::Armed => self.check_idle()?,
@@ -428,7 +431,7 @@ impl Update {
             (Phase::Nothing, Outcome::Done) => self.disarm(),
             (Phase::Receiving, Outcome::Done) => Phase::Receiving,
             // After a failed restart or a failed disarming the image is still armed.
-            (Phase::Armed, _) | (Phase::Disarming, Outcome::Refused | Outcome::Mismatch) => Phase::Armed,
+            (Phase::Armed, _) | (Phase::Disarming, Outcome::Refused) => Phase::Armed,
             _ => Phase::Nothing,
         };
     }
@@ -453,7 +456,7 @@ impl Update {
         self.task != TaskState::Idle
     }
 
-    /// Returns the number of accepted bytes and the announced length of the image, both in bytes.
+    /// Returns the number of accepted bytes of the image, and the announced length of the image in bytes.
     pub const fn progress(&self) -> (u32, u32) {
         (self.received, self.length)
     }
