@@ -13,9 +13,9 @@
 //!
 //! * A *channel* holds the settings, the targets and the pending commands of one motor.
 //! * A request that is refused changes neither settings nor motion.
-//! * A motor is *enabled* by a valid *set enable* only. *Set enable* is refused while the battery is low or unknown, and
-//!   while stored settings are being loaded.
-//!   Motors that were enabled before continue to run within the limits of the supply.
+//! * A motor is *enabled* by a valid *set enable* only. *Set enable* is refused while the battery is low or unknown,
+//!   and while stored settings are being loaded. Motors that were enabled before continue to run within the limits of
+//!   the supply.
 //! * *Fail-safe* disables all motors and releases all outputs. Fail-safe begins when a host requests fail-safe, or 2.5
 //!   s after the last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run
 //!   out, each motor coasts or brakes according to its setting `on_fault`.
@@ -84,7 +84,7 @@ use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
 use outputs::Outputs;
-use store::Memory;
+use store::{Access, Memory};
 
 /// The version text. It begins with the versions of REV's hardware and firmware that the hub is compatible with. Hosts
 /// derive the available functions from these versions. The version of this firmware follows.
@@ -228,8 +228,9 @@ impl<const N: usize> Responder<N> {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// True while the board's button may drive motors: no packet for this hub and no stop to all hubs has arrived since
-    /// reset, and the hub does not wait for stored settings. While the hub waits, the memory may be erased, and no motor may run.
+    /// True while the board's button may drive motors: no packet for this hub and no fail-safe to all hubs has arrived
+    /// since reset, and the hub does not wait for stored settings. While the hub waits, the memory may be erased, and
+    /// no motor may run.
     pub const fn permits_button(&self) -> bool {
         !self.keep_alive.has_received_packet() && !self.awaits_store()
     }
@@ -308,8 +309,8 @@ impl<const N: usize> Responder<N> {
                 self.disable();
                 self.keep_alive.fail_safe(now);
             }
-            // The answers of several children to a packet to all hubs would collide. A packet from another hub is an
-            // answer: hubs that answer the answers of each other would never stop.
+            // If several children answered a packet to all hubs, their answers would collide. A packet from another hub
+            // is an answer. If hubs answered answers, they would never stop.
             if packet.destination != address || packet.source != HOST {
                 return None;
             }
@@ -428,9 +429,7 @@ impl<const N: usize> Responder<N> {
         record: Option<&mut Record<'_>>,
     ) -> Result<Reply, Nack> {
         match request {
-            // A host finds out by this flag whether it is connected to this hub, or to the parent of a chain.
-            Request::Standard(Standard::Discovery) => Ok(Reply::data(&(from == Line::Host))),
-            Request::Standard(request) => self.standard(request, now, snapshot),
+            Request::Standard(request) => self.standard(request, from, now, snapshot),
             Request::ToHub(request) => self.hub(request, snapshot),
             Request::ToPin(request) => self.pin(&request, snapshot),
             Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
@@ -490,9 +489,9 @@ impl<const N: usize> Responder<N> {
                 self.chain.as_ref().map(|chain| Reply::data(&chain.report())).ok_or(Nack::UNSUPPORTED)
             }
             HubFunction::Stored => self.store_report().map(|report| Reply::data(&report)),
-            HubFunction::Save | HubFunction::Load | HubFunction::Reset => {
-                self.access_store(&function, snapshot)
-            }
+            HubFunction::Save => self.access_store(Access::SaveRequested, snapshot),
+            HubFunction::Load => self.access_store(Access::LoadRequested, snapshot),
+            HubFunction::Reset => self.access_store(Access::ResetRequested, snapshot),
             HubFunction::Entries { from, clear } => {
                 let Some(record) = record else { return Ok(Reply::data(&Entries::default())) };
                 let reply = Reply::data(&Entries::of(record, from));
@@ -512,10 +511,18 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    fn standard(&mut self, request: Standard, now: Micros, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
+    fn standard(
+        &mut self,
+        request: Standard,
+        from: Line,
+        now: Micros,
+        snapshot: &Snapshot<N>,
+    ) -> Result<Reply, Nack> {
         match request {
             // The hub sends no debug messages.
-            Standard::KeepAlive | Standard::DebugLevel { .. } | Standard::Discovery => (),
+            Standard::KeepAlive | Standard::DebugLevel { .. } => (),
+            // By this flag a host finds out whether it is connected to this hub, or to the parent of a chain.
+            Standard::Discovery => return Ok(Reply::data(&(from == Line::Host))),
             Standard::FailSafe => {
                 self.disable();
                 self.keep_alive.fail_safe(now);

@@ -25,9 +25,9 @@
 
 use super::Responder;
 use super::motor::MotorChannel;
+use crate::extension::FIRST_FUNCTION;
 use crate::extension::settings::{Group, MotorSettings, Values};
 use crate::extension::state::StoreReport;
-use crate::extension::{FIRST_FUNCTION, HubFunction};
 use crate::group::BaseSettings;
 use crate::hub::Snapshot;
 use crate::motor::Settings;
@@ -54,7 +54,7 @@ pub(super) struct Memory {
 
 /// State of the access to the memory. A state whose name ends with `Requested` lasts until the task takes the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Access {
+pub(super) enum Access {
     /// No access is requested or running.
     Idle,
     /// A host has requested to write the settings and the address in force.
@@ -115,37 +115,29 @@ impl<const N: usize> Responder<N> {
         self.expects_store && self.memory.is_none()
     }
 
-    /// Records a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings
-    /// in force immediately. The address in force stays until the next start of the hub.
+    /// Records the access that a host requests, for [`store_request`](Self::store_request). A reset changes the
+    /// settings in force immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
     /// Refuses the request if the hub has no memory, while another access is running, or before the task has reported
     /// the contents. A save is refused if the stored record is damaged or has a later format version, or if the
     /// settings do not fit. Load and reset are refused unless all motors are [off](Self::is_off).
-    pub(super) fn access_store(
-        &mut self,
-        request: &HubFunction,
-        snapshot: &Snapshot<N>,
-    ) -> Result<Reply, Nack> {
+    pub(super) fn access_store(&mut self, requested: Access, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         let memory = self.memory.as_ref().ok_or(self.refusal_without_memory())?;
         if memory.access != Access::Idle {
             return Err(Nack::STORE_BUSY);
         }
-        let access = match request {
-            HubFunction::Save => {
+        match requested {
+            Access::SaveRequested => {
                 memory.save_refusal().map_or(Ok(()), Err)?;
                 self.record_of_all(&memory.found.record).map_err(|_| Nack::STORE_FULL)?;
-                Access::SaveRequested
             }
             _ if !self.is_off(snapshot) => return Err(Nack::MOTOR_ENABLED),
-            HubFunction::Load => Access::LoadRequested,
-            _ => {
-                self.restore_settings(&SettingsRecord::new(0));
-                Access::ResetRequested
-            }
-        };
+            Access::ResetRequested => self.restore_settings(&SettingsRecord::new(0)),
+            _ => (),
+        }
         if let Some(memory) = &mut self.memory {
-            memory.access = access;
+            memory.access = requested;
         }
         Ok(Reply::ACK)
     }
@@ -169,8 +161,8 @@ impl<const N: usize> Responder<N> {
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// Returns the next access, for the task. `None` if no access is due, while an access is running, while an address
-    /// waits until all motors are off, or if the record has no room.
+    /// Returns the next access, for the task. `None` if no access is due, if the record has no room, while an access is
+    /// running, and while an address waits until all motors are off.
     ///
     /// The task must report the result to [`store_done`](Self::store_done).
     pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
@@ -183,15 +175,15 @@ impl<const N: usize> Responder<N> {
             Access::ResetRequested => Ok(Some(next_record(stored))),
             Access::SaveRequested => self.record_of_all(stored).map(Some),
             Access::Idle if !self.address_due => return None,
-            // The last access has failed because it needed an erasure. The memory may be erased only while all motors
-            // are off, so the address waits.
+            // The last access needed an erasure, which is only allowed while all motors are off. So the address waits.
             Access::Idle if !may_erase && memory.outcome == Outcome::NeedsErase => return None,
             Access::Idle => self.record_of_address(stored).map(Some),
         };
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
-            // Settings have changed since the request, or the entries of other firmware leave no room for an address. An
-            // address that waits for a save may have room by itself.
+            // The record has no room, because settings have changed since the request, or because of the entries of
+            // other firmware. After a save without room the address is still due: a record of the address alone may
+            // have room.
             self.address_due &= memory.access != Access::Idle;
             (memory.access, memory.outcome) = (Access::Idle, Outcome::Refused);
             return None;
@@ -207,7 +199,7 @@ impl<const N: usize> Responder<N> {
     /// read, and a motor is not off. The contents are then unchanged.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else {
-            // The first report of the task has come after the time-out of the wait for stored settings.
+            // The hub no longer waits for stored settings, and this is the first report of the task.
             if let Some(found) = found {
                 self.restore(found);
             }
@@ -215,8 +207,8 @@ impl<const N: usize> Responder<N> {
         };
         let has_loaded = before.access == Access::Loading && outcome == Outcome::Done;
         let found = found.unwrap_or_else(|| before.found.clone());
-        // A host may have changed the address during the access: then the address must still be stored. If the memory
-        // has failed, the hub does not try again.
+        // If a host has changed the address during the access, the address is still due. After a failure of the memory
+        // the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
         self.address_due &= !failed && self.boot_address(&found.record) != self.address;
         if has_loaded {
@@ -231,7 +223,8 @@ impl<const N: usize> Responder<N> {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
     }
 
-    /// True while a load waits or runs. Its end changes the settings of the motors, so no motor may be enabled.
+    /// True while a load is requested or runs. The load will change the settings of the motors, so no motor may be
+    /// enabled.
     pub(super) fn is_loading(&self) -> bool {
         let access = self.memory.as_ref().map(|memory| memory.access);
         matches!(access, Some(Access::LoadRequested | Access::Loading))
@@ -412,8 +405,8 @@ fn request_payload(motor: u8, values: &Values) -> Payload {
     payload
 }
 
-/// Returns the first bytes of the payload of every request and entry that sets this group of this motor's settings. The
-/// values of the group follow them.
+/// Returns the bytes with which the payload of every request and entry begins that sets this group of this motor's
+/// settings. The values of the group follow these bytes.
 fn name_of(group: Group, motor: u8) -> Payload {
     let mut name = Payload::new();
     group.write_name(motor, &mut name);
