@@ -210,8 +210,8 @@ impl Group {
         }
     }
 
-    /// True if the hub must store the group. False for coefficients that are not configured, and for a group whose
-    /// fields may all be not configured, if none of them is configured.
+    /// True if the hub must store the group. False for coefficients that are not configured, and for a group in which
+    /// no field is configured. A field with another meaning of 0 than [`Zero::NotConfigured`] is always configured.
     pub fn is_configured(self, settings: &MotorSettings) -> bool {
         if self.loop_of().is_some() {
             return settings.motor.coefficients.is_some();
@@ -270,8 +270,8 @@ pub struct Field {
 pub enum Zero {
     /// The number 0 or, for a choice, the first word.
     Value,
-    /// The setting is not configured. A settings file then lacks the key. If the key is the first key of a table, the
-    /// file lacks the whole table.
+    /// The setting is not configured. A settings file then lacks the key. If the field is the first field of a table of
+    /// the file, the file lacks the whole table.
     NotConfigured,
     /// The present setting is kept. A hub never reports this value, and a settings file cannot have it.
     Keeps,
@@ -353,7 +353,9 @@ impl Field {
         let index = fields.index();
         let bytes = fields.slice(self.size)?;
         let raw = bytes.iter().rev().fold(0, |raw: i64, byte| raw << 8 | i64::from(*byte));
-        let raw = if self.signed { i64::from(raw as i32) } else { raw };
+        // The shifts extend the sign to 64 bits.
+        let unused_bits = if self.signed { i64::BITS - 8 * self.size as u32 } else { 0 };
+        let raw = raw << unused_bits >> unused_bits;
         if (self.least..=self.most).contains(&raw) { Ok(Some(raw)) } else { Err(Nack::parameter(index)) }
     }
 
@@ -551,7 +553,7 @@ macro_rules! fields {
             most: stated_or(&[$($most)?], [$($word),+].len() as i64 - 1),
             get: |settings| {
                 let mut values = [$($value),+].into_iter();
-                // Scheme D with a blend other than 0 is not in the list, and is converted to the last word.
+                // Scheme D with a blend other than 0 is not in the list. Its word is the last word.
                 let last = values.len() as i64 - 1;
                 values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
             },
@@ -600,8 +602,8 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. A blend of 1 has the raw value of the
-        // largest blend below 1.
+        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. Its raw value is that of the largest
+        // blend below 1.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),
@@ -761,6 +763,18 @@ mod tests {
             [read(4), read(2), read(0)].map(Result::err),
             [2, 1, 0].map(|at| Some(Nack::parameter(at)))
         );
+    }
+
+    #[test]
+    fn a_signed_field_keeps_its_sign_at_each_size() {
+        for (size, bytes, raw) in
+            [(1, &[0x80][..], -128), (2, &[0xFE, 0xFF], -2), (4, &[0, 0, 0, 0x80], -1 << 31)]
+        {
+            let signed =
+                |field: &Field| Field { size, signed: true, least: i64::MIN, most: i64::MAX, ..*field };
+            let read = SET_UP.first().map(|field| signed(field).read(&mut Fields::new(bytes)));
+            assert_eq!(read, Some(Ok(Some(raw))), "{size} bytes");
+        }
     }
 
     #[test]
