@@ -62,8 +62,8 @@ pub enum Command {
     /// not jump. Otherwise the members leave their old groups and form a new group. The new group starts when all
     /// members have a fresh encoder reading and no latched fault. Until then all members are held at speed 0.
     MoveGroup(GroupCommand),
-    /// Configures the drive base. The base starts at the origin, and both wheels leave their groups. `None` removes the
-    /// drive base.
+    /// Replaces the drive base. The new base starts at the origin. The wheels of the old and of the new base leave
+    /// their groups. `None` removes the drive base.
     SetBase(Option<BaseSettings>),
 }
 
@@ -152,10 +152,11 @@ impl<const N: usize> Snapshot<N> {
 
 /// N motors, each alone or in a group.
 ///
-/// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The wheels of a newly
-/// configured drive base also leave their groups. The other members then halt according to [`GroupCommand::halt`]. One
-/// exception: if a member of a group is disabled or enters fail-safe, all other members are disabled. A group that waits
-/// to start ends when a member leaves: with [`Halt::Stop`] the others get the velocity 0.
+/// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The wheels of the old
+/// and of the new drive base also leave their groups when a base is configured or removed. The other members then halt
+/// according to [`GroupCommand::halt`]. One exception: if a member of a group is disabled or enters fail-safe, all
+/// other members are disabled. A group that waits to start ends when a member leaves: with [`Halt::Stop`] the others
+/// get the velocity 0.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
@@ -233,7 +234,7 @@ impl<const N: usize> Hub<N> {
                 {
                     return Err(RangeError::Motor);
                 }
-                // Without the replaced base the positions of its wheels would jump.
+                // Without the old base its wheels lose their corrections, so the positions of their group would jump.
                 let replaced = core::mem::replace(&mut self.base, settings.map(Base::new));
                 for base in [&replaced, &self.base].into_iter().flatten() {
                     groups.release_and_stop(base.wheels(), motors);

@@ -65,8 +65,8 @@ impl DriveBase {
         }
     }
 
-    /// Returns the counts of both wheels for an arc, as [`arc`](Self::arc) does, but not rounded. A host adds up several
-    /// parts of a course in these counts, so that their rounding errors do not add up.
+    /// Returns the counts of both wheels for an arc as [`arc`](Self::arc) does, but without rounding. A host adds up
+    /// the parts of a course in these counts, and so avoids a sum of rounding errors.
     pub const fn counts(&self, mm: f64, degrees: f64) -> [f64; 2] {
         let [left, right] = self.counts_per_turn;
         let turn_mm = degrees * (PI / 180.0) * self.track_mm / 2.0;
@@ -78,8 +78,12 @@ impl DriveBase {
     ///
     /// # Errors
     /// [`RangeError::Speed`] if a speed is out of the range of [`CountsPerSecond`].
-    pub const fn speeds(&self, mm: f64, degrees: f64) -> Result<[CountsPerSecond; 2], RangeError> {
-        let [left, right] = self.counts(mm, degrees);
+    pub const fn speeds(
+        &self,
+        mm_per_s: f64,
+        degrees_per_s: f64,
+    ) -> Result<[CountsPerSecond; 2], RangeError> {
+        let [left, right] = self.counts(mm_per_s, degrees_per_s);
         match (CountsPerSecond::from_rpm(60.0 * left, 1.0), CountsPerSecond::from_rpm(60.0 * right, 1.0)) {
             (Ok(left), Ok(right)) => Ok([left, right]),
             _ => Err(RangeError::Speed),

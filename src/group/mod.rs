@@ -46,8 +46,8 @@ use trajectory::Trajectory;
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// Distances, target positions or speeds of the members of a group. The index of a value is the number of its motor. The
-/// motors that have a value are the members.
+/// Distances, target positions or speeds of the members of a group. The index of a value is the number of its motor.
+/// The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
@@ -106,8 +106,7 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<[Option<T>; MOTORS], Rang
 /// How the other members of a group halt when a member is *lost*. A member is lost when it has a fault, gets its own
 /// set-point, or joins another group.
 ///
-/// With either setting, disabling one member disables all members. The fail-safe of one member
-/// disables the other members too.
+/// With either setting, a member that is disabled or enters fail-safe disables all other members.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
@@ -120,9 +119,9 @@ pub enum Halt {
     Coast,
 }
 
-/// A command to a group. `C` is the type of the course. The hub's regulators use [`Course`]. Hosts use
-/// [`GroupCourse`](crate::extension::group::GroupCourse), whose positions count from where the host last reset the
-/// encoder.
+/// A command to a group. `C` is the type of the course. The hub uses [`Course`], whose positions are the motors'
+/// counts. Hosts use [`GroupCourse`](crate::extension::group::GroupCourse), whose positions count from where the host
+/// last reset the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GroupCommand<C = Course> {
@@ -142,8 +141,8 @@ pub struct GroupCommand<C = Course> {
 }
 
 impl<C> GroupCommand<C> {
-    /// Creates a command with the [usual lag](default_lag) for `speed`, a tolerance of [`DEFAULT_TOLERANCE`] counts, and
-    /// [`Halt::Stop`].
+    /// Creates a command with the [usual lag](default_lag) for `speed`, a tolerance of [`DEFAULT_TOLERANCE`] counts,
+    /// and [`Halt::Stop`].
     pub const fn new(course: C, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (default_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: DEFAULT_TOLERANCE, halt }
@@ -217,7 +216,7 @@ impl<const N: usize> Group<N> {
 
     /// Changes the course. The references continue from their present positions and speeds without a step. A repeated
     /// course to positions does not start again, because hosts repeat commands. The members of the group stay as they
-    /// are: a motor that only the course names gets no reference, and a member that the course does not name stops.
+    /// are: a motor that is only in the course gets no reference, and a member that is not in the course stops.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.lag, self.tolerance, self.halt) = (lag, tolerance, halt);

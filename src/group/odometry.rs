@@ -10,7 +10,7 @@
 use super::DriveBase;
 use core::f64::consts::PI;
 
-/// Where a drive base is. At the start x points forward and y to the left.
+/// Position and heading of a drive base. The x axis points forward at the start, the y axis to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Distance forward from the start in mm.
@@ -46,7 +46,7 @@ pub enum GyroState {
 ///
 /// let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 /// let mut odometry = Odometry::new(base, [0, 0]);
-/// // A metre forward, then a quarter to the left that the gyro measures as 88 degrees.
+/// // A metre forward, then a quarter turn to the left that the gyro measures as 88 degrees.
 /// let [left, right] = base.straight(1_000.0)?;
 /// odometry.step([left, right], Some(359.0));
 /// let [back, forth] = base.turn(90.0)?;

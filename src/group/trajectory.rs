@@ -62,8 +62,8 @@ pub(super) struct Trajectory<const N: usize> {
     progress: i64,
     /// Speed of the progress in counts/s.
     speed_cps: f32,
-    /// Speed in counts/s that the progress accelerates to. A trajectory that only stops keeps the speed of the trajectory
-    /// before, at which its motors approach their references.
+    /// Speed in counts/s that the progress accelerates to. A trajectory that only stops keeps the speed of the
+    /// trajectory before, at which its motors approach their references.
     speed_limit_cps: f32,
     /// Largest acceleration of the member that moves farthest, in counts/s².
     acceleration_cps2: f32,

@@ -65,11 +65,12 @@ pub(super) struct Base {
     odometry: Option<Odometry>,
     gyro: GyroState,
     losses: u16,
-    /// Time of the last reading of the gyro.
+    /// Time of the reading of the gyro at the last step. `None` if this step had no fresh reading.
     read_at: Option<Micros>,
     /// Time of the last step.
     stepped_at: Micros,
-    /// Part of the wheels' slip that the correction contains, in degrees of the base's heading.
+    /// Slip that the correction makes up for, in degrees of the base's heading. The value follows the wheels' slip at a
+    /// limited speed.
     corrected_degrees: f64,
     /// Correction of the left and of the right wheel in counts, computed from `corrected_degrees`.
     correction: [i32; 2],
@@ -103,7 +104,7 @@ impl Turns {
     const LEAST_DEGREES: f64 = 1.5;
     /// Sum of the counted turns by the wheels, in degrees, at which the turn by the gyro is compared with this sum.
     const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn by a plausible gyro, as a share of the turn by the wheels. A working gyro is also found
+    /// Smallest turn by a plausible gyro, as a share of the turn by the wheels. A working gyro also counts as
     /// implausible if the wheels slip by more than 70 % of their turn.
     const LEAST_SHARE: f64 = 0.3;
 
