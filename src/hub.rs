@@ -302,6 +302,7 @@ impl<const N: usize> Hub<N> {
         if !self.needs_limits(&battery) {
             return None;
         }
+        self.update_energy(battery.at);
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
@@ -311,10 +312,10 @@ impl<const N: usize> Hub<N> {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
 
-    /// Limits all motors according to the state of the bus. Returns true if the command of a bridge has changed.
+    /// Limits all motors according to the state of the bus. The energy must have been updated until now. Returns true
+    /// if the command of a bridge has changed.
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
         (self.draw, self.dissipate) = (battery.draw, battery.dissipate);
-        self.update_energy(now);
         // The end of a short circuit returns the energy of the winding to the bus. Therefore only one motor may end a
         // short circuit at each new state of the bus.
         let mut may_end_short = true;
