@@ -81,9 +81,10 @@ pub struct World {
     counters: Vec<Counter>,
     /// Current-sense lines, and the amperes that their bridges sensed in the last run.
     lines: [(CurrentLine, f64); MOTORS],
-    /// True for a bridge that has switched itself off. The bridge stays off until it is commanded to coast.
+    /// True for a bridge that has reported a fault and switched itself off, because it has taken a duty for a short
+    /// circuit. The bridge stays off until it is commanded to coast.
     faults: [bool; MOTORS],
-    /// Levels of the digital pins from outside: bit i is pin i. Pins that are not driven are pulled up.
+    /// Levels that push-buttons give the digital pins: bit i is pin i. A pin that nothing connects is pulled up.
     outside: u8,
     /// Digital pins that a wire connects: bit i is pin i.
     wired: u8,
@@ -110,9 +111,9 @@ pub struct View {
     pub battery_v: f64,
     /// Highest voltage so far.
     pub highest_v: f64,
-    /// Number of bridges that have switched themselves off.
+    /// Number of bridges that are open because the voltage was too low or too high.
     pub shut_down: usize,
-    /// Speed in counts per second and whole counts, by motor.
+    /// Speed in counts/s, and position in whole counts, by motor.
     pub motors: Vec<(f64, i64)>,
 }
 
@@ -383,11 +384,11 @@ impl BridgeSensors<MOTORS> for Board {
     }
 }
 
-/// True if a bridge mistakes this duty for a short circuit of its output to the battery. A real bridge does so if its
-/// PWM line is low for too short a time.
+/// True if a bridge takes this duty for a short circuit of its output to the battery. A real bridge does so if its PWM
+/// line is low for too short a time.
 fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     let low_ns = 1e9 * (1.0 - duty.to_f64()) / f64::from(bridge.pwm_hz());
-    // A duty has 15 bits.
+    // One step of a duty, which has 15 bits.
     let rounding_ns = 1e9 / 32_768.0 / f64::from(bridge.pwm_hz());
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing.least_off_ns)
 }

@@ -191,7 +191,7 @@ impl Relay {
                 self.answer(id, &answer);
             }
             _ if self.pages.controller() != Some(id) => return Err("this page is not in control".to_owned()),
-            // The order may be for the lost hub, and would drive the motor with the same number of the first hub.
+            // The order may be meant for the lost hub. It would drive the motor with the same number of the first hub.
             _ if self.lost_shown_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
                 return Err("the hub of this order does not answer, and another hub is shown".to_owned());
             }
@@ -268,7 +268,8 @@ impl Relay {
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE. The scenario must have set-points, and must not move motors in step".into()),
             },
             PageRequest::Firmware { offset, ref hex } => self.collect(offset, hex),
-            // The update restarts the hub. A silent hub that is not the first one counts as lost.
+            // The update restarts the hub. A hub that is silent during its restart counts as lost, except the first
+            // hub.
             PageRequest::Update { .. } if !self.chain.shows_the_first() => {
                 Err("only the first hub can be updated here: start the dashboard with --address of the other hub"
                     .into())
@@ -536,7 +537,7 @@ impl Relay {
         if let Some(session) = &mut self.session {
             session.catch_up()?;
         }
-        // Without this list, the set-points of another maker's hub are read too.
+        // If this list is empty, `look` also reads the set-points of another maker's hub.
         self.frame.motors.clear();
         self.look().map(|_| ())
     }
@@ -586,7 +587,7 @@ impl Relay {
         (self.identification, self.playing) = (None, None);
         self.connect_at = Instant::now() + RECONNECT_INTERVAL;
         self.lose_save(why);
-        // An update continues while the hub restarts, because the hub is silent during the restart.
+        // A hub that restarts is silent, so an update that has reached its restart continues.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
             self.send_to_all(&Message::Update(update::failed(&update, why)));
         }
@@ -608,8 +609,8 @@ impl Relay {
         }
     }
 
-    /// Makes the hub discard new firmware that it has not started, and disables all motors. The caller then drops the
-    /// relay.
+    /// Abandons a running update, so that the hub discards new firmware that it has not started. Disables all motors.
+    /// The caller then drops the relay.
     pub fn end(&mut self, why: &str) {
         if let (Some(update), Some(session)) = (self.update.take(), &mut self.session) {
             update.abandon(session);

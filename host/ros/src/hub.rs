@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Interval between two tries to reach a lost hub.
+/// Interval between two attempts to reach a lost hub.
 const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 /// Time-out of requests to the hub at the port.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(1);
@@ -41,7 +41,7 @@ const BATTERY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Interval between two messages about battery and diagnostics.
 const DIAGNOSTICS_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Advance of a hub's clock over this machine's clock between two reports, above which the hub counts as reset. Control
+/// A hub counts as reset if its clock advances by this much more than this machine's clock between two reports. Control
 /// period and delay of the line cause far smaller differences.
 const RESET_CLOCK_ADVANCE: Duration = Duration::from_secs(1);
 /// Why motors are off after a call of `stop`.
@@ -60,7 +60,7 @@ pub(crate) struct HubThread {
     pub(crate) start: Instant,
 }
 
-/// Enable and mode that a joint's motor has. They are sent only if they change.
+/// What a joint's motor was last sent: whether it is enabled, and its mode. Both are sent only if they change.
 #[derive(Clone, Copy, Default)]
 struct SentState {
     enabled: bool,
@@ -89,7 +89,7 @@ struct Identifying {
     answer: Answer,
     /// The joint that is being identified, followed by the joints that are not identified yet.
     joints: VecDeque<Joint>,
-    /// The identification of the first joint; `None` before its begin.
+    /// The identification of the first of these joints; `None` until this identification has begun.
     first: Option<IdentifyingMotor>,
 }
 
@@ -98,7 +98,7 @@ struct Saving {
     answer: Answer,
     /// Addresses of the hubs that have not finished. `None` is the hub at the port.
     running: Vec<(Option<u8>, StoreAccess)>,
-    /// Answer of the call if the remaining hubs store their settings.
+    /// Answer of the call, if the hubs that have not finished store their settings.
     outcome: Result<String, String>,
 }
 
@@ -225,8 +225,8 @@ impl HubThread {
         Ok(())
     }
 
-    /// Returns the text of an error that does not end the connection: a refusal, or a child that does not answer. Such
-    /// a child is then lost. All other errors are returned as errors.
+    /// Returns the text of an error that does not end the connection: a refusal, or a child that does not answer. A
+    /// child that does not answer counts as lost. All other errors are returned as errors.
     fn go_on_after(&mut self, hub: &mut Connected, error: Error) -> Result<String, Error> {
         let text = error.to_string();
         match error {
@@ -238,7 +238,7 @@ impl HubThread {
                 }
                 self.robot.lose_child(address);
                 if identified && hub.identification.is_none() {
-                    // A motor of another hub may be turning in the identification that has ended.
+                    // The identification has ended, but its motor may still turn, if this motor is at another hub.
                     hub.disable()?;
                 }
             }
@@ -289,7 +289,7 @@ impl HubThread {
                 let mut saving =
                     Saving { answer, running: Vec::new(), outcome: Ok("settings are stored".to_owned()) };
                 for address in hub.addresses() {
-                    match hub.turn_to(address).and_then(|()| hub.session.begin_store(HubFunction::Save)) {
+                    match hub.select(address).and_then(|()| hub.session.begin_store(HubFunction::Save)) {
                         Ok(access) => saving.running.push((address, access)),
                         Err(error) => saving.outcome = Err(self.go_on_after(hub, error)?),
                     }
@@ -303,8 +303,8 @@ impl HubThread {
                 (_, Some(_), _) => Err("an identification is under way".to_owned()),
                 (.., Some(&address)) => Err(Error::Silent { address }.to_string()),
                 (None, None, None) => {
-                    // Motors and commands are reset, so that no earlier command and no later stop disturbs the
-                    // identification.
+                    // Motors and commands are reset. So no earlier command, and no stop at the end of its validity,
+                    // disturbs the identification.
                     hub.disable()?;
                     self.robot.enable();
                     let joints = self.robot.config().joints.iter().cloned().collect();
@@ -468,11 +468,11 @@ impl Connected {
         addresses
     }
 
-    /// Selects the hub, or a child, for the next requests.
+    /// Selects the hub or a child for the next requests.
     ///
     /// # Errors
     /// [`Error::Silent`] for a lost child, to which no request is sent.
-    fn turn_to(&mut self, address: Option<u8>) -> Result<(), Error> {
+    fn select(&mut self, address: Option<u8>) -> Result<(), Error> {
         if let Some(address) = address.filter(|address| self.lost.contains_key(address)) {
             return Err(Error::Silent { address });
         }
@@ -481,8 +481,11 @@ impl Connected {
         Ok(())
     }
 
-    /// Selects the hub or a child for the next requests. A lost child first gets a request once in [`RECONNECT_INTERVAL`]. Returns
-    /// true if a lost child has answered.
+    /// Selects the hub or a child for the next requests, and returns true if a lost child has answered. A lost child
+    /// gets a request once in [`RECONNECT_INTERVAL`]. If it answers, it is no longer lost, and its motors are disabled.
+    ///
+    /// # Errors
+    /// [`Error::Silent`] for a child that is still lost.
     fn find(&mut self, address: Option<u8>) -> Result<bool, Error> {
         let lost = address.and_then(|child| Some((child, *self.lost.get(&child)?)));
         let found = lost.is_some_and(|(_, again)| Instant::now() >= again);
@@ -493,7 +496,7 @@ impl Connected {
             self.disable_child(child)?;
             self.lost.remove(&child);
         }
-        self.turn_to(address)?;
+        self.select(address)?;
         Ok(found)
     }
 
@@ -523,7 +526,7 @@ impl Connected {
         for (_, sent) in &mut self.joints {
             *sent = SentState::default();
         }
-        self.turn_to(None)?;
+        self.select(None)?;
         let children = self.addresses().into_iter().flatten();
         let known: Vec<u8> = children.filter(|child| !self.lost.contains_key(child)).collect();
         if known.is_empty() && self.lost.is_empty() {
@@ -531,22 +534,22 @@ impl Connected {
         }
         self.session.stop_hubs(&[self.parent.get()])?;
         for child in known {
-            self.turn_to(Some(child))?;
+            self.select(Some(child))?;
             if let Err(Error::Silent { address }) = self.session.fail_safe() {
                 self.lose(address);
             }
         }
-        self.turn_to(None)
+        self.select(None)
     }
 
-    /// Makes the present position of a joint 0 counts. A joint with a target position gets speed 0 before, because the hub
-    /// keeps the number of the target: the joint would run to another place.
+    /// Makes the present position of a joint 0 counts. The hub keeps the number of a target position, which then means
+    /// another place. So a joint with a target position gets speed 0 before.
     fn reset_encoder(&mut self, joint: usize) -> Result<(), Error> {
         let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
         if sent.enabled && sent.mode == Some(RunMode::Position) {
             self.set(joint, Setpoint::Velocity(0))?;
         }
-        self.turn_to(address)?;
+        self.select(address)?;
         self.session.reset_encoder(motor)
     }
 
@@ -589,7 +592,7 @@ impl Connected {
     /// mode does not come into force.
     fn set(&mut self, joint: usize, setpoint: Setpoint) -> Result<(), Error> {
         let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
-        self.turn_to(address)?;
+        self.select(address)?;
         let mode = match setpoint {
             Setpoint::Power(power) => {
                 self.session.set_power(motor, power)?;
@@ -643,8 +646,8 @@ impl Connected {
         }
     }
 
-    /// Returns true if a hub was reset since its last report. The hub's clock has then restarted at 0, so the
-    /// difference modulo 2^32 ms is far larger than the time that has passed on this machine.
+    /// Returns true if a hub was reset since its last report. The hub's clock has then restarted at 0, so its advance
+    /// modulo 2^32 ms is far larger than the time that has passed on this machine.
     fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
         self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
             Duration::from_millis(at_ms.wrapping_sub(before_ms).into())
@@ -703,7 +706,7 @@ impl Connected {
         }
     }
 
-    /// Ends an identification, and answers its call.
+    /// Disables all motors, ends an identification, and answers its call.
     fn identified(&mut self, outcome: Result<String, String>) -> Result<(), Error> {
         let disabled = self.disable();
         if let Some(Identifying { answer, .. }) = self.identification.take() {

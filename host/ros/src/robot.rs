@@ -1,5 +1,5 @@
-//! Motors of one hub as joints of a robot: converts commands to set-points of the motors, and computes the pose of the
-//! drive base.
+//! Motors of a hub, and of the hubs behind it, as joints of a robot. Converts commands to set-points of the motors, and
+//! computes the pose of the drive base.
 //!
 //! ```text
 //!  twist, joint commands --> [Robot] --set-points--> hub
@@ -8,9 +8,9 @@
 //!
 //! * A command is valid for 0.5 s. After 0.5 s without another command the joint stops.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub all motors are off until `enable`. A joint
-//!   is off until `enable` after a fault, and after the hub has disabled its motor. After a fault its motor gets speed 0,
-//!   because the motor would turn again when the fault passes. A base with such a wheel ignores speeds for the base. The
-//!   joints of a child hub are off until `enable` after a loss of the child.
+//!   is off until `enable` after a fault, and after the hub has disabled its motor. After a fault its motor gets speed
+//!   0, because the motor would turn again when the fault passes. A base with such a wheel ignores speeds for the base.
+//!   The joints of a child hub are off until `enable` after a loss of the child.
 //! * One commander (a process) drives at a time. A new commander drives immediately, instead of the present commander.
 //!   An earlier commander drives again only after the present commander has sent nothing for 5 s.
 
@@ -60,11 +60,11 @@ impl Command {
 /// Decides which commander drives the robot. Times count from the start of the hub's thread.
 #[derive(Clone, Debug, Default)]
 struct Commander {
-    /// All commanders, in the order of their first command.
+    /// The last [`REMEMBERED`] commanders, in the order of their first command.
     known: Vec<Source>,
     /// The commander that drives, and the time of its last command.
     driving: Option<(Source, Duration)>,
-    /// The last commander that was replaced or whose command was ignored, and the time of this event.
+    /// The commander that was last replaced, or whose command was last ignored, and the time of this event.
     ignored: Option<(Source, Duration)>,
     /// Visible publishers, which show whether two sources belong to one process.
     publishers: Publishers,
@@ -173,9 +173,10 @@ impl Robot {
     }
 
     /// Takes commands for joints by name. A joint with a position moves to this position. The velocity, if given,
-    /// limits its speed. A joint without a position turns at its velocity. A joint with an effort only gets a constant
-    /// current for this torque. Values that are not finite numbers are ignored. Unknown names, and commands out of range,
-    /// are ignored and counted. A message without a command for a joint makes no commander.
+    /// limits its speed. A joint without a position turns at its velocity. A joint that has only an effort gets a
+    /// constant current for this torque. Values that are not finite numbers are ignored. Unknown names, and commands
+    /// out of range, are ignored and counted. The sender of a message without any command for a joint does not count as
+    /// a commander.
     pub(crate) fn joints(&mut self, from: Source, commands: &JointCommands, now: Duration) {
         let mut setpoints = Vec::new();
         for (index, name) in commands.names.iter().enumerate() {
@@ -336,7 +337,7 @@ impl Robot {
                 let why = why_still(&report, joint.motor.into()).unwrap_or("the hub has disabled the motor");
                 command.refuse(why);
                 if motor.enabled {
-                    // Some faults pass, and the motor then follows the set-point that the hub has.
+                    // After a fault that passes, the motor would follow the set-point that the hub has.
                     (command.setpoint, command.is_new) = (Some(Setpoint::Velocity(0)), true);
                 }
             }
@@ -389,7 +390,7 @@ impl Robot {
             .reports
             .values()
             .flat_map(|report| &report.motors)
-            .map(|motor| motor.best_current().get().unsigned_abs() as f32 / 1e3 * drawn(motor));
+            .map(|motor| motor.best_current().get().unsigned_abs() as f32 / 1e3 * drawn_share(motor));
         Some((volts, -drawn.sum::<f32>()))
     }
 
@@ -456,7 +457,7 @@ fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
 
 /// Returns the share of a motor's current that the battery supplies: the duty while the motor is driven, 0 while the
 /// motor brakes or coasts.
-fn drawn(motor: &MotorReport) -> f32 {
+fn drawn_share(motor: &MotorReport) -> f32 {
     use motor_hub_client::motor_hub::braking::Regime;
     match motor.regime {
         Some(Regime::Forward | Regime::Reverse) => motor.drive.duty.to_f32(),
@@ -464,7 +465,7 @@ fn drawn(motor: &MotorReport) -> f32 {
     }
 }
 
-/// A command is beyond what the protocol can express.
+/// A command that is beyond what the protocol can express.
 struct OutOfRange;
 
 /// Rounds a value of a command to whole units of the hub.
