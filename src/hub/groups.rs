@@ -16,7 +16,7 @@
 //! its course, and holds the positions of its members.
 
 use super::base::Base;
-use crate::group::{Group, GroupCommand, Halt, MOTORS};
+use crate::group::{Group, GroupCommand, Halt, MOTORS, for_motors};
 use crate::motion::Reading;
 use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
 use crate::units::{CountsPerSecond, Micros, Period, RangeError};
@@ -35,6 +35,16 @@ enum ActiveGroup<const N: usize> {
         /// Reports when all members have settled at the end positions.
         settle_detector: SettleDetector,
     },
+}
+
+impl<const N: usize> ActiveGroup<N> {
+    /// Returns for each motor whether it is a member.
+    fn members(&self) -> [bool; N] {
+        match self {
+            Self::Waiting(command) => for_motors(command.course.members(), false),
+            Self::Moving { group, .. } => *group.members(),
+        }
+    }
 }
 
 /// All groups of a hub. A motor is in one group at most, so there are at most N groups.
@@ -63,11 +73,10 @@ impl<const N: usize> Groups<N> {
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
         let new_members = command.course.members();
-        let is_new_member = |motor: usize| new_members.get(motor) == Some(&true);
-        if new_members == [false; MOTORS] || (N..MOTORS).any(is_new_member) {
+        if new_members == [false; MOTORS] || new_members.iter().skip(N).any(|member| *member) {
             return Err(RangeError::Motor);
         }
-        let members: [bool; N] = core::array::from_fn(is_new_member);
+        let members: [bool; N] = for_motors(new_members, false);
         for state in self.states.iter_mut().flatten() {
             if let ActiveGroup::Moving { group, started_with, .. } = state
                 && *started_with == members
@@ -102,38 +111,35 @@ impl<const N: usize> Groups<N> {
     ) -> [bool; N] {
         let mut have_left = [false; N];
         for slot in &mut self.states {
-            let ended = match slot {
-                Some(ActiveGroup::Waiting(command)) => {
-                    let members = command.course.members();
-                    let mut ended = false;
-                    for (left, (leaves, member)) in have_left.iter_mut().zip(leaving.iter().zip(members)) {
-                        *left |= *leaves && member;
-                        ended |= *leaves && member;
-                    }
-                    if ended {
-                        // The set-points from before the group's command do not come into force again.
-                        let setpoint = match halt.unwrap_or(command.halt) {
-                            Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
-                            Halt::Coast => Setpoint::Disabled,
-                        };
-                        let staying = core::array::from_fn::<_, N, _>(|motor| {
-                            members.get(motor) == Some(&true) && leaving.get(motor) == Some(&false)
-                        });
-                        members_of(&staying, motors).for_each(|motor| motor.set(setpoint));
-                    }
-                    ended
+            let Some(state) = slot else { continue };
+            let members = state.members();
+            let mut staying = members;
+            for ((stays, left), leaves) in staying.iter_mut().zip(&mut have_left).zip(leaving) {
+                if *stays && leaves {
+                    (*stays, *left) = (false, true);
                 }
-                Some(ActiveGroup::Moving { group, .. }) => {
-                    let members = *group.members();
-                    for (motor, (left, leaves)) in have_left.iter_mut().zip(leaving).enumerate() {
-                        if leaves && members.get(motor) == Some(&true) {
+            }
+            if staying == members {
+                continue;
+            }
+            let ended = match state {
+                ActiveGroup::Waiting(command) => {
+                    // The set-points from before the group's command do not come into force again.
+                    let setpoint = match halt.unwrap_or(command.halt) {
+                        Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
+                        Halt::Coast => Setpoint::Disabled,
+                    };
+                    members_of(&staying, motors).for_each(|motor| motor.set(setpoint));
+                    true
+                }
+                ActiveGroup::Moving { group, .. } => {
+                    for (motor, (member, stays)) in members.into_iter().zip(staying).enumerate() {
+                        if member != stays {
                             group.remove(motor);
-                            *left = true;
                         }
                     }
-                    *group.members() != members && halt_group(group, halt.unwrap_or(group.halt()), motors)
+                    halt_group(group, halt.unwrap_or(group.halt()), motors)
                 }
-                None => false,
             };
             if ended {
                 *slot = None;
@@ -163,17 +169,16 @@ impl<const N: usize> Groups<N> {
         }
         for state in self.states.iter_mut().flatten() {
             if let ActiveGroup::Waiting(command) = state {
-                let members = command.course.members();
+                let members = for_motors(command.course.members(), false);
                 let may_start = members.iter().zip(&fresh).zip(&*motors).all(|((member, reading), motor)| {
                     !member || reading.is_some() && !motor.has_latched_fault()
                 });
                 if may_start {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
-                    let started_with = core::array::from_fn(|motor| members.get(motor) == Some(&true));
-                    let positions = minus(&positions, &corrections_of(base, &started_with));
+                    let positions = minus(&positions, &corrections_of(base, &members));
                     let group = Group::new(*command, positions, speeds, period);
                     let settle_detector = SettleDetector::default();
-                    *state = ActiveGroup::Moving { group, started_with, settle_detector };
+                    *state = ActiveGroup::Moving { group, started_with: members, settle_detector };
                 } else {
                     // The set-points from before the group's command do not come into force again.
                     members_of(&members, motors)
@@ -261,7 +266,7 @@ fn halt_group<const N: usize>(group: &mut Group<N>, halt: Halt, motors: &mut [Mo
 
 /// Iterates over the motors that are members of a group.
 fn members_of<'a, const N: usize>(
-    members: &'a [bool],
+    members: &'a [bool; N],
     motors: &'a mut [Motor; N],
 ) -> impl Iterator<Item = &'a mut Motor> {
     motors.iter_mut().zip(members).filter_map(|(motor, member)| member.then_some(motor))
