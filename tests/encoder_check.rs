@@ -185,7 +185,9 @@ fn an_encoder_that_is_lost_after_a_stall_is_found() {
         bench.axes[0].cable = Cable::Unplugged;
         bench.set(0, velocity(1_500));
         let ms = run_until_fault(&mut bench);
-        assert!(ms < 400, "{period_ms} ms: {ms} ms");
+        // What a stall has taught about an unknown motor may look like a heavy motor, which the check gives more time.
+        let most = if settings.dynamics.is_some() { 400 } else { 450 };
+        assert!(ms < most, "{period_ms} ms: {ms} ms");
     }
 }
 

@@ -203,7 +203,7 @@ fn an_identified_motor_settles_within_10_percent_of_the_time_of_an_exactly_confi
             let exact = Dynamics { friction, ..setup.truth() };
             // With a load, the Core Hex motors take minutes. A time to settle depends on the phase of the tick.
             let phases: &[u64] = match exact.decay.to_f32() {
-                1.0.. => &[5, 25, 45],
+                1.0.. => &[5, 15, 25, 35, 45],
                 0.02.. => &[25],
                 _ => continue,
             };
@@ -216,7 +216,8 @@ fn an_identified_motor_settles_within_10_percent_of_the_time_of_an_exactly_confi
             };
             let (of_exact, of_found) = (mean(exact), mean(found));
             assert!(
-                (0..2).all(|step| of_found[step] <= 1.1 * of_exact[step]),
+                // A time of two ticks may differ by less than half of a tick.
+                (0..2).all(|step| of_found[step] <= (1.1 * of_exact[step]).max(of_exact[step] + 0.02)),
                 "{}, {inertia} more rotors: {of_found:.3?} s, {of_exact:.3?} s exactly",
                 motor.name
             );

@@ -30,6 +30,88 @@ fn bridge(frequency: f64) -> BridgeConstants {
     BridgeConstants::new(700, 50, frequency as u32).expect("in range")
 }
 
+/// Voltages of a motor's current at a constant duty while the back EMF changes from `emf` volts: the back EMF after
+/// `steps` steps of a tick. The tick has the length of `ticks` time constants of the motor, and `load` is in V.
+fn emf_after(modulator: &Modulator, drive: Drive, emf: f64, battery: f64, load: f64, ticks: f64) -> f64 {
+    const STEPS: u32 = 1_000;
+    (0..STEPS).fold(emf, |emf, _| {
+        let voltage = modulator.modulation(Point::new(emf, battery).at, drive).voltage.to_volts();
+        emf + (f64::from(voltage) - emf - load) * ticks / f64::from(STEPS)
+    })
+}
+
+#[test]
+fn a_discontinuous_current_brings_a_motor_to_the_back_emf_that_was_asked_for() {
+    let (battery, mut tried) = (12.0, 0);
+    for motor in catalogue::motors() {
+        let bridge = bridge(20_000.0);
+        let modulator = Modulator::new(&winding(&motor), &bridge, Scheme::A, DutyRule::LinearCurrent);
+        for (ticks, emf) in
+            [0.1, 0.4, 1.0, 4.0, 12.0].into_iter().flat_map(|ticks| [2.0, 6.0, 9.0].map(|emf| (ticks, emf)))
+        {
+            for (share, load) in
+                [0.4, 0.8, 0.95, 1.05, 1.2].into_iter().flat_map(|share| [0.0, 0.1].map(|load| (share, load)))
+            {
+                let at = Point::new(emf, battery).at;
+                let change = (share - 1.0) * emf;
+                let [change_f32, load_f32, ticks_f32] = [change, load, ticks].map(|value| value as f32);
+                if load * ticks > 0.3 {
+                    continue;
+                }
+                let Some(beyond) = modulator.discontinuous_to(at, change_f32, load_f32, ticks_f32) else {
+                    continue;
+                };
+                let voltage = Voltage::from_volts(emf as f32 + beyond);
+                if beyond.abs() > 0.9 * modulator.discontinuous_volts(at, voltage) {
+                    continue;
+                }
+                let drive = modulator.for_voltage(at, voltage).drive;
+                let reached = emf_after(&modulator, drive, emf, battery, load, ticks);
+                let error = reached - emf - change;
+                tried += 1;
+                assert!(
+                    error.abs() < 0.15 * change.abs() + 0.03 * emf,
+                    "{}, {ticks} time constants, {emf} V to {share} of it with {load} V: {reached:.2} V",
+                    motor.name
+                );
+            }
+        }
+    }
+    assert!(tried > 300, "{tried}");
+}
+
+#[test]
+fn the_current_of_a_duty_changes_with_the_back_emf_by_the_share_that_is_told() {
+    for motor in catalogue::motors() {
+        let bridge = bridge(20_000.0);
+        let modulator = Modulator::new(&winding(&motor), &bridge, Scheme::A, DutyRule::LinearCurrent);
+        for (mode, duty, emf) in [Mode::Cw98, Mode::Brake50]
+            .into_iter()
+            .flat_map(|mode| [0.05, 0.2, 0.5, 0.8].map(|duty| (mode, duty)))
+            .flat_map(|(mode, duty)| [2.0, 6.0, 9.0].map(|emf| (mode, duty, emf)))
+        {
+            let drive = Drive { mode, duty: Duty::from_bits((duty * 32_768.0) as u16) };
+            let beyond = |emf: f64| {
+                f64::from(modulator.modulation(Point::new(emf, 12.0).at, drive).voltage.to_volts()) - emf
+            };
+            let share = f64::from(modulator.modulation(Point::new(emf, 12.0).at, drive).emf_share);
+            let [below, above] = [-0.02, 0.02].map(|change| {
+                modulator.modulation(Point::new(emf + change, 12.0).at, drive).emf_share == 1.0
+            });
+            if below != above {
+                // The boundary of discontinuous current.
+                continue;
+            }
+            let slope = (beyond(emf - 0.02) - beyond(emf + 0.02)) / 0.04;
+            assert!(
+                (slope - share).abs() < 0.35,
+                "{}, {mode:?} {duty} at {emf} V: {slope:.3}, told {share:.3}",
+                motor.name
+            );
+        }
+    }
+}
+
 /// The duty rule for a motor on the usual bridge with this PWM frequency.
 fn rule(motor: &Motor, frequency: f64) -> LinearCurrent {
     LinearCurrent::new(&winding(motor), &bridge(frequency))

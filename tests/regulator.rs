@@ -47,6 +47,35 @@ fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool
 }
 
 #[test]
+fn a_motor_that_is_faster_than_the_ticks_slows_down_without_passing_its_speed() {
+    for motor in motor_hub::model::catalogue::motors() {
+        let settings = configured(&motor, &Load::NONE);
+        let Dynamics { gain, decay, .. } = settings.dynamics.expect("configured");
+        if decay.to_f32() < 8.0 {
+            continue;
+        }
+        let free = f64::from(gain.to_f32() / decay.to_f32()) * BATTERY;
+        for phase_ms in [1, 25, 49] {
+            let mut bench = Bench::one(settings, plant(motor, Load::NONE), 50);
+            bench.set(0, velocity((0.8 * free) as i32));
+            bench.run_ms(2_000 + phase_ms);
+            let mut before = 0.8;
+            for share in [0.3, 0.1] {
+                let (cps, step) = (share * free, (before - share) * free);
+                bench.set(0, velocity(cps as i32));
+                let lowest = -bench.highest(500, |bench| -bench.speed(0));
+                let (highest, end) = (bench.highest(1_000, |bench| bench.speed(0)), bench.speed(0));
+                let what = format!("{} to {share} of its free speed {phase_ms} ms after a tick", motor.name);
+                assert!(lowest > cps - 0.08 * step - 2.0, "{what}: down to {lowest:.1} of {cps:.1}");
+                assert!(highest < cps + 0.05 * step + 2.0, "{what}: still {highest:.1} of {cps:.1}");
+                assert!((end - cps).abs() < 0.03 * step + 2.0, "{what}: {end:.1} of {cps:.1} at the end");
+                before = share;
+            }
+        }
+    }
+}
+
+#[test]
 fn samples_that_are_early_or_late_or_missing_tell_the_same_speed() {
     let never = |_| false;
     for cps in [60.0, -333.0, 1_000.0, 2_400.0] {

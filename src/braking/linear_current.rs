@@ -42,6 +42,17 @@
 //! `w`, and uses the larger of the two currents. Reverse driving (6/2) uses the row of forward driving with `-e` in
 //! place of `e`.
 //!
+//! **Within a tick** the duty stays, and the speed changes. A continuous current then changes by the change of the back
+//! EMF, so it approaches its end with the time constant of the motor. A discontinuous current is proportional to
+//! `a (a + c) / c`, where `a + c` is constant. So a change of `e` changes `w` only by the share `w (1/a + 1/c)`. Let `N`
+//! be the length of the tick in time constants of the motor, and `a0`, `c0` and `w0` the values at the beginning of the
+//! tick. The motor's equation `a' = -+w / (time constant)`, integrated over the tick, gives the current with which the
+//! motor reaches the back EMF of `a1` and `c1`. The load `wl` needs the current at the end of the tick:
+//!
+//! ```text
+//! w0 = (a0 / c0) ((a + c) ln(a0 / a1) + a1 - a0) / N  +  wl (a0 c1) / (a1 c0)
+//! ```
+//!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
 //! middle of the edge. A discontinuous current starts from zero within the edge at turn-on. This edge acts like a step
@@ -71,7 +82,11 @@ use super::points::{OperatingPoint, Regime};
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
 use crate::units::single::{at_least, at_most};
-use libm::{expm1f, log1pf, roundf, sqrtf};
+use libm::{expm1f, log1pf, logf, roundf, sqrtf};
+
+/// Least share of the voltage a that remains at the end of a tick with a discontinuous current. A smaller share would
+/// take so large a current that the current is continuous.
+const LEAST_REMAINING_SHARE: f32 = 0.02;
 
 /// Constants of a winding and its bridge, prepared for use at every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,15 +172,30 @@ impl LinearCurrent {
         }
     }
 
-    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty). Also returns true if this
-    /// current is discontinuous.
-    pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> (f32, bool) {
+    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty). Also returns the change of
+    /// `w` per change of the back EMF, see [`Modulation::emf_share`](super::Modulation::emf_share).
+    pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> (f32, f32) {
         self.drive_state(regime, at).current(duty.to_f32(), self.period)
     }
 
     /// Largest mean current of a regime that is discontinuous, as the voltage `w`, in V.
     pub(super) fn boundary(&self, regime: Regime, at: OperatingPoint) -> f32 {
         self.period.map_or(0.0, |period| self.drive_state(regime, at).boundary(period))
+    }
+
+    /// Mean discontinuous current of a regime, as the voltage `w` in V, with which a motor reaches another back EMF within
+    /// a tick. `change` is the change of the back EMF in V, and `load` the current that balances the load, as `w`. `ticks`
+    /// is the tick in time constants of the motor. `None` if no current of this regime stays discontinuous on the way.
+    pub(super) fn discontinuous_to(
+        &self,
+        regime: Regime,
+        at: OperatingPoint,
+        change: f32,
+        load: f32,
+        ticks: f32,
+    ) -> Option<f32> {
+        let rise = if regime == Regime::Forward { -change } else { change };
+        self.drive_state(regime, at).discontinuous_to(rise, load, ticks)
     }
 
     /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of
@@ -253,12 +283,12 @@ impl DriveState {
         self.turn_on * (1.0 - self.a / (2.0 * (self.a + self.c))) - self.turn_off / 2.0
     }
 
-    /// The mean current of a duty, as the voltage `w` in V, and true if this current is discontinuous. If the back EMF
-    /// exceeds the battery voltage (a <= 0), the current is negative and proportional to the duty.
-    fn current(self, duty: f32, period: Option<PwmPeriod>) -> (f32, bool) {
+    /// The mean current of a duty, as the voltage `w` in V, and the change of `w` per change of the back EMF. If the back
+    /// EMF exceeds the battery voltage (a <= 0), the current is negative and proportional to the duty.
+    fn current(self, duty: f32, period: Option<PwmPeriod>) -> (f32, f32) {
         let Self { a, c, k, .. } = self;
         if a <= 0.0 {
-            return (duty * a, false);
+            return (duty * a, 1.0);
         }
         // A PWM line that does not switch has no edges.
         let switches = duty > 0.0 && duty < 1.0;
@@ -269,9 +299,13 @@ impl DriveState {
             Some(period) if self.may_be_discontinuous(on, period) => {
                 let (q, _) = self.pulse(less(self.delay_discontinuous()) * period.length);
                 let discontinuous = q * a / period.length;
-                (at_least(continuous, discontinuous), continuous < discontinuous)
+                if continuous > discontinuous {
+                    (continuous, 1.0)
+                } else {
+                    (discontinuous, at_most(discontinuous * (1.0 / a + 1.0 / c), 1.0))
+                }
             }
-            _ => (continuous, false),
+            _ => (continuous, 1.0),
         }
     }
 
@@ -293,6 +327,17 @@ impl DriveState {
         // c))` time constants. For periods up to 11 time constants `growth * length` is `exp(P / tau) - 1`.
         let duty = log1pf(period.growth * period.length * c / (a + c)) / period.length;
         at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
+    }
+
+    /// See [`LinearCurrent::discontinuous_to`]. `rise` is the change of `a` within the tick.
+    fn discontinuous_to(self, rise: f32, load: f32, ticks: f32) -> Option<f32> {
+        let Self { a, c, .. } = self;
+        let (a1, c1) = (a + rise, c - rise);
+        let stays = c > 0.0 && c1 > 0.0 && a > 0.0 && a1 > LEAST_REMAINING_SHARE * a;
+        stays.then(|| {
+            let accelerating = a / c * ((a + c) * logf(a / a1) + rise) / ticks;
+            accelerating + load * (a * c1) / (a1 * c)
+        })
     }
 
     /// Returns q of the module's formula for an on time x, and the derivative of q with respect to x.

@@ -74,19 +74,20 @@ impl Winding {
 }
 
 /// A command of the bridge, and the voltage that the command applies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modulation {
     /// Command of the bridge.
     pub drive: Drive,
     /// Equivalent DC voltage that the command applies.
     pub voltage: Voltage,
-    /// True if the current is [discontinuous](mod@linear_current): 0 at the end of each PWM period.
-    pub is_discontinuous: bool,
+    /// Share of a change of the back EMF by which the mean current, as a voltage, changes at this duty: 1 for a continuous
+    /// current, 0 to 1 for a [discontinuous](mod@linear_current) one.
+    pub emf_share: f32,
 }
 
 impl Modulation {
     /// Full dynamic braking: the bridge shorts the winding all the time.
-    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO, is_discontinuous: false };
+    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO, emf_share: 1.0 };
 }
 
 /// Power of a braking motor. One part returns to the supply bus, the rest heats winding and bridge. Each part is at
@@ -167,10 +168,10 @@ impl Modulator {
     /// Returns the command with this duty in a regime, and the voltage that the command applies.
     fn in_regime(&self, at: OperatingPoint, regime: Regime, duty: Duty) -> Modulation {
         let (emf, _) = at.volts();
-        let (current, is_discontinuous) = self.current.current(regime, at, duty);
+        let (current, emf_share) = self.current.current(regime, at, duty);
         let volts = if regime == Regime::Forward { emf + current } else { emf - current };
         let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
-        Modulation { drive: at.drive(regime, duty), voltage, is_discontinuous }
+        Modulation { drive: at.drive(regime, duty), voltage, emf_share }
     }
 
     /// Returns the command for a control value, by the scheme and the duty rule.
@@ -210,6 +211,26 @@ impl Modulator {
     pub fn discontinuous_volts(&self, at: OperatingPoint, voltage: Voltage) -> f32 {
         let (regime, _) = points::current(clockwise_volts(at, voltage), at);
         self.current.boundary(regime, at)
+    }
+
+    /// Computes the difference of a voltage from the back EMF, in V, with which a discontinuous current brings the motor
+    /// to another back EMF within a tick. `emf_change` is the change of the back EMF and `load` the voltage that balances
+    /// the load, both in V. `ticks` is the length of the tick in time constants of the motor. `None` if the current does
+    /// not stay [discontinuous](mod@linear_current).
+    pub fn discontinuous_to(
+        &self,
+        at: OperatingPoint,
+        emf_change: f32,
+        load: f32,
+        ticks: f32,
+    ) -> Option<f32> {
+        let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
+        let (change, load) = (side * emf_change, side * load);
+        let (emf, _) = at.volts();
+        let (regime, _) = points::current(emf + change / ticks + load, at);
+        let direction = if regime == Regime::Forward { 1.0 } else { -1.0 };
+        let current = self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
+        Some(side * direction * current)
     }
 
     /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.

@@ -16,7 +16,7 @@
 //! near 0: a constant load changes only the load that the observer estimates, and not theta. So a load is not taken for
 //! inertia.
 
-use super::observer::{Correction, Plant, SAMPLE_S, Sensitivity};
+use super::observer::{Correction, Observer, Plant, SAMPLE_S, Sensitivity};
 use crate::settings::GUESSED_TIME_CONSTANT_S;
 use crate::units::single::{at_least, at_most};
 use libm::sqrtf;
@@ -186,17 +186,10 @@ impl GainEstimate {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
 
-    /// Predicts the sensitivity one sample later. `speed` is the observer's speed in counts/s. `voltage` is in V;
-    /// `None` while the bridge is open.
-    pub(super) fn predict(&mut self, plant: &Plant, speed: f32, voltage: Option<f32>) {
-        // Back EMF damps the motor only while its bridge is closed.
-        let damping = if let Some(volts) = voltage {
-            self.net_volts = volts - plant.kappa * speed;
-            plant.q
-        } else {
-            self.net_volts = 0.0;
-            0.0
-        };
+    /// Predicts the sensitivity one sample later. Must be called before the observer predicts the same sample.
+    pub(super) fn predict(&mut self, plant: &Plant, observer: &Observer) {
+        self.net_volts = observer.net_volts(plant);
+        let damping = observer.decay(plant);
         self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
         if self.settling_s > 0.0 {
             self.settling_s -= SAMPLE_S;
@@ -339,7 +332,7 @@ mod tests {
                     estimated = plant(gain);
                     observer.shift(&shift);
                 }
-                observer.set_voltage(&estimated, Some(u), false);
+                observer.set_voltage(&estimated, Some(u), 1.0);
             }
             for _ in 0..10 {
                 w += b * (u - KAPPA * w - load) * 1e-4;
@@ -347,7 +340,7 @@ mod tests {
             }
             let moved = x.floor() as i32 - count;
             count += moved;
-            estimate.predict(&estimated, observer.speed(), Some(u));
+            estimate.predict(&estimated, &observer);
             observer.predict(&estimated);
             if let Some(correction) = observer.update(&estimated, moved, false) {
                 estimate.correct(&estimated, &correction, moved, Some(u), true);
@@ -399,9 +392,9 @@ mod tests {
         let plant = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
         observer.set_speed_demanded(true);
-        observer.set_voltage(&plant, Some(12.0), false);
+        observer.set_voltage(&plant, Some(12.0), 1.0);
         for _ in 0..2_000 {
-            estimate.predict(&plant, observer.speed(), Some(12.0));
+            estimate.predict(&plant, &observer);
             observer.predict(&plant);
             if let Some(correction) = observer.update(&plant, 0, false) {
                 estimate.correct(&plant, &correction, 0, Some(12.0), false);

@@ -142,8 +142,8 @@ pub struct Regulator {
     requested: CountsPerSecond,
     /// Voltage across the motor in V; `None` while the bridge is open.
     volts: Option<f32>,
-    /// True if the winding's current is treated as discontinuous.
-    is_discontinuous: bool,
+    /// See [`Modulation::emf_share`]; 0 while the bridge is open.
+    emf_share: f32,
 }
 
 impl Regulator {
@@ -168,7 +168,7 @@ impl Regulator {
             uses_speed: false,
             requested: CountsPerSecond::ZERO,
             volts: None,
-            is_discontinuous: false,
+            emf_share: 0.0,
         }
     }
 
@@ -238,7 +238,7 @@ impl Regulator {
 
     /// Passes the voltage across the motor to the observer. Must be called for a new voltage and for new constants.
     fn pass_voltage(&mut self) {
-        self.observer.set_voltage(&self.plant, self.volts, self.is_discontinuous);
+        self.observer.set_voltage(&self.plant, self.volts, self.emf_share);
     }
 
     /// True if the error of the speed, as a back EMF, is below [`AT_SPEED_VOLTS`]. Also true while the bridge is open.
@@ -328,7 +328,7 @@ impl Regulator {
         self.predicted_until = now;
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
             if let Some(estimate) = &mut self.gain_estimate {
-                estimate.predict(&self.plant, self.observer.speed(), self.volts);
+                estimate.predict(&self.plant, &self.observer);
             }
             self.observer.predict(&self.plant);
         }
@@ -679,8 +679,7 @@ impl Regulator {
             self.end_demand();
         }
         self.volts = command.map(|command| command.voltage.to_volts());
-        self.is_discontinuous =
-            self.law.distinguishes_currents() && command.is_some_and(|command| command.is_discontinuous);
+        self.emf_share = command.map_or(0.0, |command| command.emf_share);
         self.pass_voltage();
     }
 }

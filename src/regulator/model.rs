@@ -32,10 +32,6 @@ const HELD_COUNTS: f32 = 0.5;
 /// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
 const HOLDING_RATE: f32 = 2.0;
 
-/// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors swing
-/// without the distinction. At a shorter period it gains nothing, and tests fail with it (decision 32).
-const CONTINUOUS_PERIOD_MS: u32 = 50;
-
 /// The law of one motor: constants for its plant and its control period, and a state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
@@ -44,9 +40,6 @@ pub(super) struct Law {
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))). b and q are constants
     /// of the [`Plant`], and T is the control period.
     volts_per_cps: f32,
-    /// As `volts_per_cps`, for a discontinuous current: with the decay by drag alone in place of q. `None` if every
-    /// current is treated as continuous.
-    discontinuous_volts_per_cps: Option<f32>,
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
     /// friction, and between these values at standstill.
     friction_side: f32,
@@ -63,16 +56,11 @@ impl Law {
         let seconds = period.to_seconds();
         let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
-        let volts_per_cps = |decay: f32| {
-            let x = decay * seconds;
-            let rate = if x > 1e-3 { decay / -expm1f(-x) } else { 1.0 / seconds };
-            rate / plant.b
-        };
+        let x = plant.q * seconds;
+        let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
         Self {
             remaining,
-            volts_per_cps: volts_per_cps(plant.q),
-            discontinuous_volts_per_cps: (period.as_millis() > CONTINUOUS_PERIOD_MS)
-                .then(|| volts_per_cps(plant.drag)),
+            volts_per_cps: rate / plant.b,
             friction_side: 0.0,
             held: None,
             held_load_volts: 0.0,
@@ -239,29 +227,29 @@ impl Law {
         }
     }
 
-    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end. With a continuous current the back
-    /// EMF opposes the change of speed within the tick, and the voltage offsets this. A discontinuous current hardly changes
-    /// with a small change of speed, so nothing is offset. From the boundary of discontinuous current on, the offset grows
-    /// from 0. It also grows with the change of the back EMF, because a large change makes the current continuous.
+    /// Voltage in V at the beginning of a tick that brings the motor to the speed `next` by the tick's end. Up to the
+    /// boundary of discontinuous current the current is discontinuous. From there on the difference to the voltage of a
+    /// continuous current grows from 0.
     fn requested_volts(&self, observer: &Observer, plant: &Plant, next: f32, context: &Context<'_>) -> f32 {
         let continuous = self.voltage_to(observer, plant, next);
-        let Some(discontinuous_volts_per_cps) = self.discontinuous_volts_per_cps else { return continuous };
-        let w = observer.speed();
-        let load_volts = -observer.external_acceleration(plant) / plant.b;
-        let beyond_emf = (next - w) * discontinuous_volts_per_cps + load_volts;
-        let discontinuous = plant.kappa * w + beyond_emf;
-        let boundary = context.modulator.discontinuous_volts(context.at, Voltage::from_volts(discontinuous));
+        if !plant.distinguishes_currents {
+            return continuous;
+        }
+        let &Context { period, at, ref modulator, .. } = context;
+        let change = next - observer.speed();
+        let load_volts = (plant.drag * change - observer.external_acceleration(plant)) / plant.b;
+        let emf_change = plant.kappa * change;
+        let ticks = plant.b * plant.kappa * period.to_seconds();
+        let Some(beyond_emf) = modulator.discontinuous_to(at, emf_change, load_volts, ticks) else {
+            return continuous;
+        };
+        let discontinuous = plant.kappa * observer.speed() + beyond_emf;
+        let boundary = modulator.discontinuous_volts(at, Voltage::from_volts(discontinuous));
         if boundary == 0.0 {
             return continuous;
         }
-        let emf_change = plant.kappa * (next - w);
-        let beyond_boundary = at_least(at_least(beyond_emf.abs(), emf_change.abs()) - boundary, 0.0);
+        let beyond_boundary = at_least(beyond_emf.abs() - boundary, 0.0);
         discontinuous + within(continuous - discontinuous, beyond_boundary)
-    }
-
-    /// True if the law treats a discontinuous current otherwise than a continuous one.
-    pub(super) const fn distinguishes_currents(&self) -> bool {
-        self.discontinuous_volts_per_cps.is_some()
     }
 
     /// Mean voltage in V that brings the motor to the speed `next` by the tick's end with a continuous current.

@@ -9,8 +9,9 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a control period
-//! above 50 ms the acceleration by such a current therefore decays by drag alone until the next voltage is set.
+//! alone. A prime marks a rate of change. Back EMF reduces a discontinuous current by less than a continuous one, see
+//! [`emf_share`](crate::braking::Modulation::emf_share). Until the next voltage is set, this share of `q - drag` and the
+//! drag make the acceleration decay.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
@@ -53,6 +54,11 @@ const LATE_COUNTS: f32 = 1.0;
 /// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
+/// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors
+/// swing without the distinction. At a shorter period it changes little, and an impact on an unknown motor is then taken
+/// for a large inertia (decision 32).
+const CONTINUOUS_PERIOD_MS: u32 = 20;
+
 /// The motor's constants as the observer uses them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plant {
@@ -64,6 +70,8 @@ pub(super) struct Plant {
     pub(super) q: f32,
     /// Decay of the speed by drag alone, q - b kappa, in 1/s. A negative value becomes 0.
     pub(super) drag: f32,
+    /// True if a discontinuous current is treated otherwise than a continuous one.
+    pub(super) distinguishes_currents: bool,
     /// Response to an acceleration that decays by back EMF and drag.
     by_emf: SampleResponse,
     /// Response to an acceleration that decays by drag alone.
@@ -95,7 +103,20 @@ impl Plant {
         let [by_emf, by_drag] = [q, drag].map(SampleResponse::new);
         let z_per_sample = expf(-poles * SAMPLE_S);
         let gains_of_sample = Gains::new(SAMPLE_S, z_per_sample);
-        Self { b, kappa, q, drag, by_emf, by_drag, z_per_sample, gains_of_sample, least_z, least_holding_z }
+        let distinguishes_currents = period.as_millis() > CONTINUOUS_PERIOD_MS;
+        Self {
+            b,
+            kappa,
+            q,
+            drag,
+            distinguishes_currents,
+            by_emf,
+            by_drag,
+            z_per_sample,
+            gains_of_sample,
+            least_z,
+            least_holding_z,
+        }
     }
 
     /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
@@ -123,6 +144,14 @@ impl SampleResponse {
             Self { speed, position: (SAMPLE_S - speed) / rate }
         } else {
             Self { speed: SAMPLE_S * (1.0 - x / 2.0), position: SAMPLE_S * SAMPLE_S * (0.5 - x / 6.0) }
+        }
+    }
+
+    /// The response between this one and another one, at a share of the way to the other one.
+    fn towards(&self, other: &Self, share: f32) -> Self {
+        Self {
+            speed: self.speed + share * (other.speed - self.speed),
+            position: self.position + share * (other.position - self.position),
         }
     }
 }
@@ -193,11 +222,13 @@ pub(super) struct Observer {
     d: f32,
     /// Acceleration at the time of the state, in counts/s².
     acceleration: f32,
-    /// True while the bridge is open, so that only drag and load act.
-    coasting: bool,
-    /// True while the acceleration decays by drag alone: the bridge is open, or the current is treated as
-    /// discontinuous.
-    decays_by_drag: bool,
+    /// Voltage of the bridge in V; `None` while the bridge is open, so that only drag and load act.
+    voltage: Option<f32>,
+    /// Speed when the voltage was set, in counts/s.
+    driven_w: f32,
+    /// Share of the decay by back EMF, 0 to 1: see [`Modulation::emf_share`](crate::braking::Modulation::emf_share). It
+    /// is 0 while the bridge is open.
+    emf_share: f32,
     /// True while a speed is demanded.
     speed_demanded: bool,
     /// Time since the last correction, in s.
@@ -217,8 +248,9 @@ impl Observer {
             w,
             d: 0.0,
             acceleration: 0.0,
-            coasting: true,
-            decays_by_drag: true,
+            voltage: None,
+            driven_w: w,
+            emf_share: 0.0,
             speed_demanded: false,
             age_s: 0.0,
             z: 1.0,
@@ -228,14 +260,11 @@ impl Observer {
 
     /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        let (response, decay) = if self.decays_by_drag {
-            if self.coasting {
-                self.acceleration = self.external_acceleration(plant);
-            }
-            (plant.by_drag, plant.drag)
-        } else {
-            (plant.by_emf, plant.q)
-        };
+        if self.voltage.is_none() {
+            self.acceleration = self.external_acceleration(plant);
+        }
+        let response = plant.by_drag.towards(&plant.by_emf, self.emf_share);
+        let decay = self.decay(plant);
         self.x += self.w * SAMPLE_S + self.acceleration * response.position;
         let gained = self.acceleration * response.speed;
         self.w += gained;
@@ -268,6 +297,18 @@ impl Observer {
     /// True if the next count is late.
     pub(super) fn is_late(&self) -> bool {
         !(0.0..=1.0).contains(&self.x)
+    }
+
+    /// Accelerating voltage at the time of the state, in V: the voltage across the motor less the back EMF, 0 with the
+    /// bridge open.
+    pub(super) fn net_volts(&self, plant: &Plant) -> f32 {
+        let speed = self.driven_w + self.emf_share * (self.w - self.driven_w);
+        self.voltage.map_or(0.0, |volts| volts - plant.kappa * speed)
+    }
+
+    /// Rate in 1/s at which the acceleration decays.
+    pub(super) fn decay(&self, plant: &Plant) -> f32 {
+        plant.drag + self.emf_share * (plant.q - plant.drag)
     }
 
     /// A copy of the estimate, corrected as if a late count came now.
@@ -305,14 +346,14 @@ impl Observer {
 
     /// Corrects the state by an error of the predicted position, in counts.
     fn correct(&mut self, plant: &Plant, error: f32, gains: Gains) -> Correction {
-        let (of_speed, of_load) = (gains.speed * error, gains.load * error);
+        let (speed, load) = (self.w, self.d);
         self.x += gains.position * error;
-        self.w = within(self.w + of_speed, FASTEST_CPS);
+        self.w = within(self.w + gains.speed * error, FASTEST_CPS);
         let largest_load = LARGEST_LOAD_VOLTS * plant.b;
-        self.d = within(self.d + of_load, largest_load);
+        self.d = within(self.d + gains.load * error, largest_load);
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
-        let decay = if self.decays_by_drag { plant.drag } else { plant.q };
-        self.acceleration = within(self.acceleration + of_load - decay * of_speed, largest_acceleration);
+        let change = self.d - load - self.decay(plant) * (self.w - speed);
+        self.acceleration = within(self.acceleration + change, largest_acceleration);
         Correction { error, gains }
     }
 
@@ -323,11 +364,15 @@ impl Observer {
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
-    /// Sets the voltage in V that the bridge applies from now on, and whether its current is treated as discontinuous.
-    /// The voltage is `None` if the bridge is open.
-    pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>, is_discontinuous: bool) {
-        self.coasting = voltage.is_none();
-        self.decays_by_drag = self.coasting || is_discontinuous;
+    /// Sets the voltage in V that the bridge applies from now on, `None` if the bridge is open, and its
+    /// [`emf_share`](crate::braking::Modulation::emf_share).
+    pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>, emf_share: f32) {
+        (self.voltage, self.driven_w) = (voltage, self.w);
+        self.emf_share = match voltage {
+            None => 0.0,
+            Some(_) if plant.distinguishes_currents => emf_share,
+            Some(_) => 1.0,
+        };
         self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
     }
 
@@ -410,7 +455,7 @@ mod tests {
         let mut last = position(0.0).floor() as i32;
         for sample in 1..=(seconds / SAMPLE_S) as u32 {
             if sample % 50 == 1 {
-                observer.set_voltage(&plant, Some(voltage), false);
+                observer.set_voltage(&plant, Some(voltage), 1.0);
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
