@@ -184,8 +184,9 @@ impl LinearCurrent {
     }
 
     /// Mean discontinuous current of a regime, as the voltage `w` in V, with which a motor reaches another back EMF within
-    /// a tick. `change` is the change of the back EMF in V, and `load` the current that balances the load, as `w`. `ticks`
-    /// is the tick in time constants of the motor. `None` if no current of this regime stays discontinuous on the way.
+    /// a tick, and the largest mean current that is discontinuous. `change` is the change of the back EMF in V, and `load`
+    /// the current that balances the load, as `w`. `ticks` is the length of the tick in time constants of the motor. `None`
+    /// if no current of this regime stays discontinuous on the way.
     pub(super) fn discontinuous_to(
         &self,
         regime: Regime,
@@ -193,9 +194,12 @@ impl LinearCurrent {
         change: f32,
         load: f32,
         ticks: f32,
-    ) -> Option<f32> {
+    ) -> Option<(f32, f32)> {
+        let state = self.drive_state(regime, at);
         let rise = if regime == Regime::Forward { -change } else { change };
-        self.drive_state(regime, at).discontinuous_to(rise, load, ticks)
+        let current = state.discontinuous_to(rise, load, ticks)?;
+        let boundary = state.boundary(self.period?);
+        (boundary > 0.0).then_some((current, boundary))
     }
 
     /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of

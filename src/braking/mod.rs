@@ -215,22 +215,24 @@ impl Modulator {
 
     /// Computes the difference of a voltage from the back EMF, in V, with which a discontinuous current brings the motor
     /// to another back EMF within a tick. `emf_change` is the change of the back EMF and `load` the voltage that balances
-    /// the load, both in V. `ticks` is the length of the tick in time constants of the motor. `None` if the current does
-    /// not stay [discontinuous](mod@linear_current).
+    /// the load, both in V. `ticks` is the length of the tick in time constants of the motor. Also
+    /// returns the largest difference with a [discontinuous](mod@linear_current) current. `None` if the current does not
+    /// stay discontinuous.
     pub fn discontinuous_to(
         &self,
         at: OperatingPoint,
         emf_change: f32,
         load: f32,
         ticks: f32,
-    ) -> Option<f32> {
+    ) -> Option<(f32, f32)> {
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let (change, load) = (side * emf_change, side * load);
         let (emf, _) = at.volts();
         let (regime, _) = points::current(emf + change / ticks + load, at);
         let direction = if regime == Regime::Forward { 1.0 } else { -1.0 };
-        let current = self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
-        Some(side * direction * current)
+        let (current, boundary) =
+            self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
+        Some((side * direction * current, boundary))
     }
 
     /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.
