@@ -186,9 +186,10 @@ impl GainEstimate {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
 
-    /// Predicts the sensitivity one sample later. Must be called before the observer predicts the same sample.
-    pub(super) fn predict(&mut self, plant: &Plant, observer: &Observer) {
-        self.net_volts = observer.net_volts(plant);
+    /// Predicts the sensitivity one sample later. Must be called before the observer predicts the same sample. `voltage` is
+    /// in V; `None` while the bridge is open.
+    pub(super) fn predict(&mut self, plant: &Plant, observer: &Observer, voltage: Option<f32>) {
+        self.net_volts = observer.net_volts(plant, voltage);
         let damping = observer.decay(plant);
         self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
         if self.settling_s > 0.0 {
@@ -340,7 +341,7 @@ mod tests {
             }
             let moved = x.floor() as i32 - count;
             count += moved;
-            estimate.predict(&estimated, &observer);
+            estimate.predict(&estimated, &observer, Some(u));
             observer.predict(&estimated);
             if let Some(correction) = observer.update(&estimated, moved, false) {
                 estimate.correct(&estimated, &correction, moved, Some(u), true);
@@ -394,7 +395,7 @@ mod tests {
         observer.set_speed_demanded(true);
         observer.set_voltage(&plant, Some(12.0), 1.0);
         for _ in 0..2_000 {
-            estimate.predict(&plant, &observer);
+            estimate.predict(&plant, &observer, Some(12.0));
             observer.predict(&plant);
             if let Some(correction) = observer.update(&plant, 0, false) {
                 estimate.correct(&plant, &correction, 0, Some(12.0), false);

@@ -142,8 +142,6 @@ pub struct Regulator {
     requested: CountsPerSecond,
     /// Voltage across the motor in V; `None` while the bridge is open.
     volts: Option<f32>,
-    /// See [`Modulation::emf_share`]; 0 while the bridge is open.
-    emf_share: f32,
 }
 
 impl Regulator {
@@ -168,7 +166,6 @@ impl Regulator {
             uses_speed: false,
             requested: CountsPerSecond::ZERO,
             volts: None,
-            emf_share: 0.0,
         }
     }
 
@@ -236,9 +233,9 @@ impl Regulator {
         self.law.set_friction_speed(if self.volts.is_some() { self.observer.speed() } else { 0.0 });
     }
 
-    /// Passes the voltage across the motor to the observer. Must be called for a new voltage and for new constants.
+    /// Passes the present voltage across the motor to the observer. Must be called for new constants.
     fn pass_voltage(&mut self) {
-        self.observer.set_voltage(&self.plant, self.volts, self.emf_share);
+        self.observer.set_voltage(&self.plant, self.volts, self.observer.emf_share());
     }
 
     /// True if the error of the speed, as a back EMF, is below [`AT_SPEED_VOLTS`]. Also true while the bridge is open.
@@ -328,7 +325,7 @@ impl Regulator {
         self.predicted_until = now;
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
             if let Some(estimate) = &mut self.gain_estimate {
-                estimate.predict(&self.plant, &self.observer);
+                estimate.predict(&self.plant, &self.observer, self.volts);
             }
             self.observer.predict(&self.plant);
         }
@@ -679,8 +676,8 @@ impl Regulator {
             self.end_demand();
         }
         self.volts = command.map(|command| command.voltage.to_volts());
-        self.emf_share = command.map_or(0.0, |command| command.emf_share);
-        self.pass_voltage();
+        let emf_share = command.map_or(0.0, |command| command.emf_share);
+        self.observer.set_voltage(&self.plant, self.volts, emf_share);
     }
 }
 

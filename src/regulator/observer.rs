@@ -222,8 +222,8 @@ pub(super) struct Observer {
     d: f32,
     /// Acceleration at the time of the state, in counts/s².
     acceleration: f32,
-    /// Voltage of the bridge in V; `None` while the bridge is open, so that only drag and load act.
-    voltage: Option<f32>,
+    /// True while the bridge is open, so that only drag and load act.
+    coasting: bool,
     /// Speed when the voltage was set, in counts/s.
     driven_w: f32,
     /// Share of the decay by back EMF, 0 to 1: see [`Modulation::emf_share`](crate::braking::Modulation::emf_share). It
@@ -248,7 +248,7 @@ impl Observer {
             w,
             d: 0.0,
             acceleration: 0.0,
-            voltage: None,
+            coasting: true,
             driven_w: w,
             emf_share: 0.0,
             speed_demanded: false,
@@ -260,7 +260,7 @@ impl Observer {
 
     /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        if self.voltage.is_none() {
+        if self.coasting {
             self.acceleration = self.external_acceleration(plant);
         }
         let response = plant.by_drag.towards(&plant.by_emf, self.emf_share);
@@ -299,11 +299,10 @@ impl Observer {
         !(0.0..=1.0).contains(&self.x)
     }
 
-    /// Accelerating voltage at the time of the state, in V: the voltage across the motor less the back EMF, 0 with the
-    /// bridge open.
-    pub(super) fn net_volts(&self, plant: &Plant) -> f32 {
+    /// Accelerating voltage at the time of the state, in V: the present `voltage` less the back EMF, 0 with the bridge open.
+    pub(super) fn net_volts(&self, plant: &Plant, voltage: Option<f32>) -> f32 {
         let speed = self.driven_w + self.emf_share * (self.w - self.driven_w);
-        self.voltage.map_or(0.0, |volts| volts - plant.kappa * speed)
+        voltage.map_or(0.0, |volts| volts - plant.kappa * speed)
     }
 
     /// Rate in 1/s at which the acceleration decays.
@@ -367,13 +366,18 @@ impl Observer {
     /// Sets the voltage in V that the bridge applies from now on, `None` if the bridge is open, and its
     /// [`emf_share`](crate::braking::Modulation::emf_share).
     pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>, emf_share: f32) {
-        (self.voltage, self.driven_w) = (voltage, self.w);
+        (self.coasting, self.driven_w) = (voltage.is_none(), self.w);
         self.emf_share = match voltage {
             None => 0.0,
             Some(_) if plant.distinguishes_currents => emf_share,
             Some(_) => 1.0,
         };
         self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
+    }
+
+    /// Share of the decay by back EMF, 0 to 1: see [`Modulation::emf_share`](crate::braking::Modulation::emf_share).
+    pub(super) const fn emf_share(&self) -> f32 {
+        self.emf_share
     }
 
     /// Notes whether a speed is demanded from now on. False for a position or a reference, for a motor that holds its
