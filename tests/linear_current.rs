@@ -58,11 +58,13 @@ fn a_discontinuous_current_brings_a_motor_to_the_back_emf_that_was_asked_for() {
                 if load * ticks > 0.3 {
                     continue;
                 }
-                let Some(beyond) = modulator.discontinuous_to(at, change_f32, load_f32, ticks_f32) else {
+                let Some((beyond, boundary)) =
+                    modulator.discontinuous_to(at, change_f32, load_f32, ticks_f32)
+                else {
                     continue;
                 };
                 let voltage = Voltage::from_volts(emf as f32 + beyond);
-                if beyond.abs() > 0.9 * modulator.discontinuous_volts(at, voltage) {
+                if beyond.abs() > 0.9 * boundary {
                     continue;
                 }
                 let drive = modulator.for_voltage(at, voltage).drive;

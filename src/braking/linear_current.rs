@@ -56,8 +56,9 @@
 //! integrated:  w0 = (a0 / c0) ((a + c) ln(a0 / a1) + a1 - a0) / N
 //! ```
 //!
-//! A load that needs the current `wl` adds `wl (a0 c1) / (a1 c0)` to `w0`: the current at the beginning of the tick that
-//! becomes `wl` at its end. The sum is exact for a steady speed and without a load, and otherwise an approximation.
+//! A load that needs the current `wl` adds `wl (a0 c1) / (a1 c0)` to `w0`: the current at the beginning of the tick
+//! that becomes `wl` at its end. The sum is exact for a steady speed and without a load, and otherwise an
+//! approximation.
 //!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
@@ -190,13 +191,13 @@ impl LinearCurrent {
     }
 
     /// Mean current at the beginning of a tick, as the voltage `w` in V, with which a motor reaches another back EMF by
-    /// the tick's end. The formula is that of a discontinuous current. The caller must check that the current is at
-    /// most the [`boundary`](Self::boundary).
+    /// the tick's end. The formula is that of a discontinuous current. Also returns the
+    /// [`boundary`](Self::boundary): the formula is only correct if the current does not exceed the boundary.
     ///
     /// `change` is the change of the back EMF in V. `load` is the current that balances the load, as the voltage `w`:
     /// negative if load and current act in the same direction. `ticks` is the length of the tick in mechanical time
-    /// constants of the motor, above 0. `None` if a discontinuous current of this regime cannot reach the back EMF, or
-    /// only with less than [`LEAST_REMAINING_SHARE`] of the voltage a at the end.
+    /// constants of the motor, above 0. `None` if no current of this regime is discontinuous, if a discontinuous
+    /// current cannot reach the back EMF, or if less than [`LEAST_REMAINING_SHARE`] of the voltage a would remain.
     pub(super) fn discontinuous_to(
         &self,
         regime: Regime,
@@ -204,9 +205,12 @@ impl LinearCurrent {
         change: f32,
         load: f32,
         ticks: f32,
-    ) -> Option<f32> {
+    ) -> Option<(f32, f32)> {
+        let state = self.drive_state(regime, at);
         let rise = if regime == Regime::Forward { -change } else { change };
-        self.drive_state(regime, at).discontinuous_to(rise, load, ticks)
+        let current = state.discontinuous_to(rise, load, ticks)?;
+        let boundary = state.boundary(self.period?);
+        (boundary > 0.0).then_some((current, boundary))
     }
 
     /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of

@@ -215,27 +215,27 @@ impl Modulator {
     }
 
     /// Computes the voltage beyond the back EMF, in V, with which a [discontinuous](mod@linear_current) current brings
-    /// the motor to another back EMF by the end of a tick. The voltage applies at the beginning of the tick. The current
-    /// is only discontinuous if the magnitude of the result is at most
-    /// [`discontinuous_volts`](Self::discontinuous_volts).
+    /// the motor to another back EMF by the end of a tick. The voltage applies at the beginning of the tick. Also
+    /// returns the largest magnitude of such a voltage in V: with a larger result the current is continuous.
     ///
     /// `emf_change` is the change of the back EMF, and `load` the voltage beyond the back EMF that balances the load.
     /// Both are in V, and positive for CW. `ticks` is the length of the tick in mechanical time constants of the motor.
-    /// `None` if no discontinuous current reaches the back EMF.
+    /// `None` if no current is discontinuous, or if no discontinuous current reaches the back EMF.
     pub fn discontinuous_to(
         &self,
         at: OperatingPoint,
         emf_change: f32,
         load: f32,
         ticks: f32,
-    ) -> Option<f32> {
+    ) -> Option<(f32, f32)> {
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let (change, load) = (side * emf_change, side * load);
         let (emf, _) = at.volts();
         let (regime, _) = points::current(emf + change / ticks + load, at);
         let direction = if regime == Regime::Forward { 1.0 } else { -1.0 };
-        let current = self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
-        Some(side * direction * current)
+        let (current, boundary) =
+            self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
+        Some((side * direction * current, boundary))
     }
 
     /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.

@@ -237,19 +237,16 @@ impl Law {
         if !plant.distinguishes_currents {
             return continuous;
         }
-        let &Context { period, at, ref modulator, .. } = context;
+        let Context { period, at, modulator, .. } = *context;
         let change = next - observer.speed();
         let load_volts = (plant.drag * change - observer.external_acceleration(plant)) / plant.b;
         let emf_change = plant.kappa * change;
         let ticks = plant.b * plant.kappa * period.to_seconds();
-        let Some(beyond_emf) = modulator.discontinuous_to(at, emf_change, load_volts, ticks) else {
+        let Some((beyond_emf, boundary)) = modulator.discontinuous_to(at, emf_change, load_volts, ticks)
+        else {
             return continuous;
         };
         let discontinuous = plant.kappa * observer.speed() + beyond_emf;
-        let boundary = modulator.discontinuous_volts(at, Voltage::from_volts(discontinuous));
-        if boundary == 0.0 {
-            return continuous;
-        }
         let beyond_boundary = at_least(beyond_emf.abs() - boundary, 0.0);
         discontinuous + within(continuous - discontinuous, beyond_boundary)
     }

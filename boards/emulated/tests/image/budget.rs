@@ -101,7 +101,7 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
 /// Counts `Regulator::step`: trajectory, observer and control law, without the modulator of the bridge. Other projects
 /// count the same parts.
 #[test]
-fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
+fn the_model_regulator_by_itself_takes_at_most_750_instructions_a_step() {
     let mut table = String::from(
         "Instructions of the model regulator alone, within one motor's control step every 50 ms.\n\n\
          | set-point | mean | worst |\n|---|---|---|\n",
@@ -115,7 +115,7 @@ fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
         assert_eq!(counts.len(), recording.answers.len());
         let (step, worst) = (mean(&counts), counts.iter().max().expect("steps"));
         table += &format!("| {mode} | {step} | {worst} |\n");
-        assert!(step <= 700, "{mode}: {step}");
+        assert!(step <= 750, "{mode}: {step}");
     }
     publish("regulator", &table);
 }

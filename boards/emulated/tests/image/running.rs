@@ -18,9 +18,9 @@ pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still
     let braked = |motor| transitions.iter().any(|t| t.at > released && t.motor == motor && brakes(t.lines));
     // A heavy motor needs mode 6/2 until it stands.
     assert!([0, 3].into_iter().all(braked), "mode 5/0 slows light motors down");
-    // The hub holds the motors at standstill. The encoder may still change by a few counts.
+    // The hub holds the motors at standstill. A held motor without friction moves within four counts.
     for (motor, moved) in counts_in(&mut bench, ms(150)).into_iter().enumerate() {
-        assert!(moved.abs() <= 3, "motor {motor} moved {moved} counts");
+        assert!(moved.abs() <= 4, "motor {motor} moved {moved} counts");
     }
     bench.run(ms(350));
     for motor in 0..4 {
