@@ -42,16 +42,23 @@
 //! `w`, and uses the larger of the two currents. Reverse driving (6/2) uses the row of forward driving with `-e` in
 //! place of `e`.
 //!
-//! **Within a tick** the duty stays, and the speed changes. A continuous current then changes by the change of the back
-//! EMF, so it approaches its end with the time constant of the motor. A discontinuous current is proportional to
-//! `a (a + c) / c`, where `a + c` is constant. So a change of `e` changes `w` only by the share `w (1/a + 1/c)`. Let `N`
-//! be the length of the tick in time constants of the motor, and `a0`, `c0` and `w0` the values at the beginning of the
-//! tick. The motor's equation `a' = -+w / (time constant)`, integrated over the tick, gives the current with which the
-//! motor reaches the back EMF of `a1` and `c1`. The load `wl` needs the current at the end of the tick:
+//! **Within a tick** the duty stays, and the speed changes. A change of `e` changes a continuous current `w` by the
+//! same voltage, so the current falls with the time constant of the motor. The mean of a discontinuous current is
+//! nearly proportional to `a (a + c) / c`, where `a + c` is constant. So `w` changes only by the share `w (1/a + 1/c)`
+//! of a change of `e`.
+//!
+//! `a0`, `c0` and `w0` are the values at the beginning of the tick, `a1` and `c1` the values at its end. `N` is the
+//! length of the tick in mechanical time constants of the motor. In each regime the current reduces `a`. Without a
+//! load, a motor that reaches the back EMF of `a1` by the tick's end needs the current `w0` at the beginning:
 //!
 //! ```text
-//! w0 = (a0 / c0) ((a + c) ln(a0 / a1) + a1 - a0) / N  +  wl (a0 c1) / (a1 c0)
+//! a' = -w / (time constant)  with  w = w0 (a / a0) (c0 / c)
+//! integrated:  w0 = (a0 / c0) ((a + c) ln(a0 / a1) + a1 - a0) / N
 //! ```
+//!
+//! A load that needs the current `wl` adds `wl (a0 c1) / (a1 c0)` to `w0`: the current at the beginning of the tick
+//! that becomes `wl` at its end. The sum is exact for a steady speed and without a load, and otherwise an
+//! approximation.
 //!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
@@ -84,8 +91,8 @@ use crate::units::Duty;
 use crate::units::single::{at_least, at_most};
 use libm::{expm1f, log1pf, logf, roundf, sqrtf};
 
-/// Least share of the voltage a that remains at the end of a tick with a discontinuous current. A smaller share would
-/// take so large a current that the current is continuous.
+/// Least share of the voltage a that remains at the end of a tick with a discontinuous current. For a smaller share the
+/// formula requests a current that is too large to be discontinuous. Chosen.
 const LEAST_REMAINING_SHARE: f32 = 0.02;
 
 /// Constants of a winding and its bridge, prepared for use at every tick.
@@ -172,8 +179,8 @@ impl LinearCurrent {
         }
     }
 
-    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty). Also returns the change of
-    /// `w` per change of the back EMF, see [`Modulation::emf_share`](super::Modulation::emf_share).
+    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty). Also returns the magnitude
+    /// of the change of `w` per change of the back EMF, see [`Modulation::emf_share`](super::Modulation::emf_share).
     pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> (f32, f32) {
         self.drive_state(regime, at).current(duty.to_f32(), self.period)
     }
@@ -183,10 +190,14 @@ impl LinearCurrent {
         self.period.map_or(0.0, |period| self.drive_state(regime, at).boundary(period))
     }
 
-    /// Mean discontinuous current of a regime, as the voltage `w` in V, with which a motor reaches another back EMF within
-    /// a tick, and the largest mean current that is discontinuous. `change` is the change of the back EMF in V, and `load`
-    /// the current that balances the load, as `w`. `ticks` is the length of the tick in time constants of the motor. `None`
-    /// if no current of this regime stays discontinuous on the way.
+    /// Mean current at the beginning of a tick, as the voltage `w` in V, with which a motor reaches another back EMF by
+    /// the tick's end. The formula is that of a discontinuous current. Also returns the
+    /// [`boundary`](Self::boundary): the formula is only correct if the current does not exceed the boundary.
+    ///
+    /// `change` is the change of the back EMF in V. `load` is the current that balances the load, as the voltage `w`:
+    /// negative if load and current act in the same direction. `ticks` is the length of the tick in mechanical time
+    /// constants of the motor, above 0. `None` if no current of this regime is discontinuous, if a discontinuous
+    /// current cannot reach the back EMF, or if less than [`LEAST_REMAINING_SHARE`] of the voltage a would remain.
     pub(super) fn discontinuous_to(
         &self,
         regime: Regime,
@@ -287,8 +298,9 @@ impl DriveState {
         self.turn_on * (1.0 - self.a / (2.0 * (self.a + self.c))) - self.turn_off / 2.0
     }
 
-    /// The mean current of a duty, as the voltage `w` in V, and the change of `w` per change of the back EMF. If the back
-    /// EMF exceeds the battery voltage (a <= 0), the current is negative and proportional to the duty.
+    /// The mean current of a duty, as the voltage `w` in V, and the magnitude of the change of `w` per change of the
+    /// back EMF. If the back EMF exceeds the battery voltage (a <= 0), the current is negative and proportional to the
+    /// duty.
     fn current(self, duty: f32, period: Option<PwmPeriod>) -> (f32, f32) {
         let Self { a, c, k, .. } = self;
         if a <= 0.0 {
@@ -333,7 +345,8 @@ impl DriveState {
         at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
     }
 
-    /// See [`LinearCurrent::discontinuous_to`]. `rise` is the change of `a` within the tick.
+    /// Computes the formula of [`LinearCurrent::discontinuous_to`]. `rise` is the change of `a` within the tick in V,
+    /// negative if the current exceeds the load on average.
     fn discontinuous_to(self, rise: f32, load: f32, ticks: f32) -> Option<f32> {
         let Self { a, c, .. } = self;
         let (a1, c1) = (a + rise, c - rise);

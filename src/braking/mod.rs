@@ -80,8 +80,9 @@ pub struct Modulation {
     pub drive: Drive,
     /// Equivalent DC voltage that the command applies.
     pub voltage: Voltage,
-    /// Share of a change of the back EMF by which the mean current, as a voltage, changes at this duty: 1 for a continuous
-    /// current, 0 to 1 for a [discontinuous](mod@linear_current) one.
+    /// Change of the mean current at a constant duty, as a voltage, per change of the back EMF. The share is 1 for a
+    /// continuous current, and 0 to 1 for a [discontinuous](mod@linear_current) current. A higher back EMF reduces a
+    /// driving current and raises a braking current.
     pub emf_share: f32,
 }
 
@@ -213,11 +214,13 @@ impl Modulator {
         self.current.boundary(regime, at)
     }
 
-    /// Computes the difference of a voltage from the back EMF, in V, with which a discontinuous current brings the motor
-    /// to another back EMF within a tick. `emf_change` is the change of the back EMF and `load` the voltage that balances
-    /// the load, both in V. `ticks` is the length of the tick in time constants of the motor. Also
-    /// returns the largest difference with a [discontinuous](mod@linear_current) current. `None` if the current does not
-    /// stay discontinuous.
+    /// Computes the voltage beyond the back EMF, in V, with which a [discontinuous](mod@linear_current) current brings
+    /// the motor to another back EMF by the end of a tick. The voltage applies at the beginning of the tick. Also
+    /// returns the largest magnitude of such a voltage in V: with a larger result the current is continuous.
+    ///
+    /// `emf_change` is the change of the back EMF, and `load` the voltage beyond the back EMF that balances the load.
+    /// Both are in V, and positive for CW. `ticks` is the length of the tick in mechanical time constants of the motor.
+    /// `None` if no current is discontinuous, or if no discontinuous current reaches the back EMF.
     pub fn discontinuous_to(
         &self,
         at: OperatingPoint,

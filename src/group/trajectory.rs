@@ -17,9 +17,9 @@
 //! * *Drift* is the part of an earlier motion that a new trajectory cannot continue. A trajectory without end continues
 //!   the part of the old speeds that is parallel to its direction, forwards or backwards. The rest of the old speeds
 //!   drifts. A trajectory to positions continues the old speeds only if they are nearly parallel to its direction and
-//!   the members can stop within its length. Otherwise all old speeds drift. The drift is braked to 0 while the
-//!   progress begins; close to the new positions the drift is braked first, and the progress begins then. `drift[i]` is
-//!   the distance that member i will still drift.
+//!   the members can stop within its length. Otherwise all old speeds drift. Usually the drift is braked to 0 while the
+//!   progress begins. If the new positions are close, the drift is braked first, and the progress begins after the
+//!   drift. `drift[i]` is the distance that member i will still drift.
 //!
 //! Progress and positions are integers, and all members have the same progress, so no rounding error grows with the
 //! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves
@@ -38,9 +38,10 @@ const END_TOLERANCE_STEPS: i64 = 64;
 /// smallest usual lag in the time of a usual lag, see [`default_lag`](super::default_lag).
 const LEAST_FIRST_CPS: f32 = 240.0;
 
-/// Share of the acceleration from which on the drift is braked first, if the members need more than this share to stop at
-/// their new positions. Braking first takes v/a and 2 sqrt(rest/a) for the rest of the way; drift and progress at the same
-/// time take 2 v/a. At this share both take the same time.
+/// Share of the acceleration a that the members would need to stop from their speed v at the new positions. Above this
+/// share a trajectory that cannot continue the old speeds brakes the drift first, because that takes less time. Braking
+/// first takes v/a, and then 2 sqrt(rest/a) for the remaining distance. Drift and progress at the same time take 2 v/a.
+/// At 2/3 both times are equal, because the remaining distance is then v²/(4 a).
 const BRAKES_FIRST_SHARE: f32 = 2.0 / 3.0;
 
 /// A trajectory of N motors. Arrays are by motor.
@@ -71,8 +72,8 @@ pub(super) struct Trajectory<const N: usize> {
     drift_deceleration_cps2: [f32; N],
     /// Time until the drift has come to rest, in seconds; 0 without drift.
     drift_s: f32,
-    /// True if the whole acceleration brakes the drift, and the progress begins after the drift. A group that only stops
-    /// brakes in this way, too.
+    /// True if the whole acceleration brakes the drift, and the progress begins after the drift. Also true for a group
+    /// that only stops.
     brakes_first: bool,
 }
 
@@ -211,7 +212,7 @@ impl<const N: usize> Trajectory<N> {
         }
     }
 
-    /// Returns the part of the acceleration that brakes the drift. The other part is available to the progress.
+    /// Returns the part of the acceleration that brakes the drift. The rest is available to the progress.
     fn drift_acceleration_cps2(&self) -> f32 {
         if self.brakes_first { self.acceleration_cps2 } else { self.acceleration_cps2 / 2.0 }
     }

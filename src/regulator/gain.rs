@@ -3,8 +3,8 @@
 //! The observer predicts the position of the shaft with a gain b. theta is the relative error of b: the true gain is
 //! b (1 + theta). The predicted position is linear in b, so the error of the prediction is s theta. s is the
 //! *sensitivity* of the predicted position: its change per relative change of b. The sensitivity follows the
-//! observer's own equations. Between corrections s grows with the accelerating voltage, which is the voltage less the
-//! back EMF. Each correction of position, speed and load reduces s like any other error of the prediction. So the error
+//! observer's own equations. Between corrections s grows with the accelerating voltage, which is the mean current as a
+//! voltage. Each correction of position, speed and load reduces s like any other error of the prediction. So the error
 //! e of a correction is a measurement of theta, with the Kalman gain k and the variance r of the noise:
 //!
 //! ```text
@@ -96,7 +96,7 @@ pub(super) struct GainEstimate {
     settling_s: f32,
     /// Sum of the present series of pauses, in s: see [`LONGEST_PAUSE_S`].
     paused_s: f32,
-    /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
+    /// Accelerating voltage in V, see [`Observer::net_volts`]; 0 while the bridge is open.
     net_volts: f32,
     /// Mean of `net_volts` with the time constant [`EXCITATION_S`].
     mean_net_volts: f32,

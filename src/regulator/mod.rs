@@ -136,7 +136,7 @@ pub struct Regulator {
     position_target: Option<i32>,
     /// Time in ms for which the encoder of a motor that should turn has sent no count.
     stalled_ms: u32,
-    /// True if the bridge's command follows from the estimated speed.
+    /// True if the estimated speed decides the request, see [`drive`](Self::drive). False while the bridge is open.
     uses_speed: bool,
     /// Speed that the last output should reach; 0 while the bridge is open, and without a demand.
     requested: CountsPerSecond,
@@ -302,7 +302,8 @@ impl Regulator {
                 || should_stand
                 || silence_us >= UNCERTAIN_EDGE_MICROS
                     && (counts_due(self.requested) || missed_counts >= UNCERTAIN_COUNTS);
-            // In open loop nothing depends on the gain, and a brake may come together with the load of a motor.
+            // In open loop nothing depends on the gain. A brake and a load often begin together, and the load would
+            // then be taken for inertia.
             let learns = self.uses_speed && (moved != 0 || !uncertain);
             estimate.correct(&self.plant, &correction, moved, self.volts, learns);
         }
@@ -390,8 +391,9 @@ impl Regulator {
         }
     }
 
-    /// Discards what an encoder that is not trusted has taught about an unknown motor: the encoder may be reversed. Must be
-    /// called when a motor leaves a constant current, in which nothing else checks the encoder.
+    /// Discards the estimated gain of an unknown motor whose encoder is not trusted, because the encoder may be
+    /// reversed. Must be called when a motor leaves a constant current: nothing checks the encoder during a constant
+    /// current.
     pub fn discard_untrusted(&mut self) {
         if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
             estimate.discard(&self.plant);
@@ -529,7 +531,8 @@ impl Regulator {
     }
 
     /// Limits a voltage so that the motor does not become faster than `limit` in the direction of its current. A
-    /// motor that is already faster brakes. Its braking current is at most as large as the current of the voltage.
+    /// motor that is already faster brakes. Its braking current is at most as large as the current of the voltage. From
+    /// this call on no speed is demanded.
     pub fn limit_speed(&mut self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
         self.end_demand();
         let emf = at.emf_volts();
@@ -652,7 +655,7 @@ impl Regulator {
         }
     }
 
-    /// Notes that no speed is requested.
+    /// Notes that no speed is demanded: the requested speed is then 0.
     const fn end_demand(&mut self) {
         self.requested = CountsPerSecond::ZERO;
         self.observer.set_speed_demanded(false);
@@ -664,9 +667,11 @@ impl Regulator {
         self.loops.excess_volts = volts;
     }
 
-    /// Sets the command that the bridge executes from now on, with its voltage; `None` if the bridge is open. `uses_speed` is
-    /// true if the command follows from the estimated speed. Otherwise no speed is requested, and nothing is learned about
-    /// an unknown motor.
+    /// Sets the command that the bridge executes from now on, with its voltage; `None` if the bridge is open.
+    ///
+    /// `uses_speed` is true if the estimated speed decides the request: for a regulated motor, and for a constant
+    /// current. It is false in open loop, for a brake and in an identification. No speed is then demanded, and the gain
+    /// of an unknown motor is not updated.
     pub fn drive(&mut self, command: Option<Modulation>, uses_speed: bool) {
         if command.is_none() {
             self.transition(Transition::OpenBridge);

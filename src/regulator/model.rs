@@ -227,9 +227,11 @@ impl Law {
         }
     }
 
-    /// Voltage in V at the beginning of a tick that brings the motor to the speed `next` by the tick's end. Up to the
-    /// boundary of discontinuous current the current is discontinuous. From there on the difference to the voltage of a
-    /// continuous current grows from 0.
+    /// Voltage in V at the beginning of a tick that brings the motor to the speed `next` by the tick's end.
+    ///
+    /// Up to the boundary of discontinuous current, the result is the voltage by the equation of a discontinuous
+    /// current. Beyond the boundary the result moves towards the voltage by the equation of a continuous current, by at
+    /// most the excess over the boundary. So the result has no step at the boundary.
     fn requested_volts(&self, observer: &Observer, plant: &Plant, next: f32, context: &Context<'_>) -> f32 {
         let continuous = self.voltage_to(observer, plant, next);
         if !plant.distinguishes_currents {

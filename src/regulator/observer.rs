@@ -9,9 +9,10 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change. Back EMF reduces a discontinuous current by less than a continuous one, see
-//! [`emf_share`](crate::braking::Modulation::emf_share). Until the next voltage is set, this share of `q - drag` and the
-//! drag make the acceleration decay.
+//! alone. A prime marks a rate of change. The equation is for a continuous current. At a constant duty a discontinuous
+//! current changes only by a share of the change of the back EMF, see
+//! [`emf_share`](crate::braking::Modulation::emf_share). Between two commands of the bridge the acceleration therefore
+//! decays at the rate `drag + emf_share (q - drag)`.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
@@ -55,8 +56,8 @@ const LATE_COUNTS: f32 = 1.0;
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
 /// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors
-/// swing without the distinction. At a shorter period it changes little, and an impact on an unknown motor is then taken
-/// for a large inertia (decision 32).
+/// swing unless discontinuous currents are distinguished. At a shorter period the distinction improves little, and an
+/// impact on an unknown motor is then taken for a large inertia (decision 32).
 const CONTINUOUS_PERIOD_MS: u32 = 20;
 
 /// The motor's constants as the observer uses them.
@@ -70,7 +71,7 @@ pub(super) struct Plant {
     pub(super) q: f32,
     /// Decay of the speed by drag alone, q - b kappa, in 1/s. A negative value becomes 0.
     pub(super) drag: f32,
-    /// True if a discontinuous current is treated otherwise than a continuous one.
+    /// True if a discontinuous current has its own equation. False if every current is treated as continuous.
     pub(super) distinguishes_currents: bool,
     /// Response to an acceleration that decays by back EMF and drag.
     by_emf: SampleResponse,
@@ -147,7 +148,7 @@ impl SampleResponse {
         }
     }
 
-    /// The response between this one and another one, at a share of the way to the other one.
+    /// Interpolates between this response (share 0) and another one (share 1).
     fn towards(&self, other: &Self, share: f32) -> Self {
         Self {
             speed: self.speed + share * (other.speed - self.speed),
@@ -226,8 +227,8 @@ pub(super) struct Observer {
     coasting: bool,
     /// Speed when the voltage was set, in counts/s.
     driven_w: f32,
-    /// Share of the decay by back EMF, 0 to 1: see [`Modulation::emf_share`](crate::braking::Modulation::emf_share). It
-    /// is 0 while the bridge is open.
+    /// [`Modulation::emf_share`](crate::braking::Modulation::emf_share) of the present command, 0 to 1. The share is 1
+    /// if the plant does not distinguish currents, and 0 while the bridge is open.
     emf_share: f32,
     /// True while a speed is demanded.
     speed_demanded: bool,
@@ -299,7 +300,9 @@ impl Observer {
         !(0.0..=1.0).contains(&self.x)
     }
 
-    /// Accelerating voltage at the time of the state, in V: the present `voltage` less the back EMF, 0 with the bridge open.
+    /// Accelerating voltage at the time of the state, in V: the mean current as a voltage, 0 with the bridge open. When
+    /// the voltage is set, this is the present `voltage` across the motor less the back EMF. Afterwards it changes by
+    /// [`emf_share`](crate::braking::Modulation::emf_share) of the change of the back EMF.
     pub(super) fn net_volts(&self, plant: &Plant, voltage: Option<f32>) -> f32 {
         let speed = self.driven_w + self.emf_share * (self.w - self.driven_w);
         voltage.map_or(0.0, |volts| volts - plant.kappa * speed)

@@ -400,8 +400,9 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Deletes the pending courses of groups that these motors leave. The other members halt as they would if the course
-    /// had been sent: see [`Halt`].
+    /// Deletes the pending courses that move one of these motors. The other members of a deleted course halt, as the
+    /// members of a group that waits to start: with [`Halt::Stop`] they get the velocity 0, with [`Halt::Coast`] they
+    /// are disabled. If a member of the course is disabled, the others are always disabled.
     fn delete_courses(&mut self, leaving: [bool; N]) {
         while let Some(GroupCommand { course, halt, .. }) = self.courses.remove(&leaving) {
             let members = || course.members().into_iter().zip(leaving);

@@ -14,11 +14,12 @@
 //! ```
 //!
 //! *Reset encoder* also takes a motor out of a group. *Set enable* changes nothing of an enabled motor, because hosts
-//! repeat it. An *override* is an identification, a constant current, or the halt of a group whose course is deleted before it
-//! is sent. If a host disables the motor, also by its
-//! request *fail-safe*, the release is [`Setpoint::Disabled`]. If the host is silent, the setting [`OnFault`] decides:
-//! with [`OnFault::Coast`] the release is [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is
-//! [`Setpoint::FailSafe`].
+//! repeat it. An *override* is a set-point that replaces the target of the mode: an identification, a constant current,
+//! or the halt of a group. A group halts in this way if a member leaves before the group's course was sent.
+//!
+//! If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`]. If the host is
+//! silent, the setting [`OnFault`] decides: with [`OnFault::Coast`] the release is [`Setpoint::Disabled`], and with
+//! [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
 
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Command;
@@ -190,8 +191,9 @@ impl MotorChannel {
     /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the
     /// largest number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
     ///
-    /// A repeated request has no further effect. The travel depends on the battery voltage, which has changed since the
-    /// first request. An identification that runs within the requested limit therefore goes on.
+    /// A repeated request has no further effect while the identification runs. The present battery voltage would give
+    /// another travel than the first request, so a running identification with at most the requested travel counts as
+    /// the same.
     ///
     /// # Errors
     /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.

@@ -312,8 +312,9 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
     }
 }
 
-/// True if the next question may be sent on the chain line. An answer that has arrived is processed before `Chain::next`
-/// checks whether its time-out has passed. While the answer waits, the time-out must not wake the task again and again.
+/// True if the chain may send its next question: no answer waits to be processed, and the channel to the line has room.
+/// An answer that has arrived must be processed before `Chain::next` checks its time-out. Until then a time-out that
+/// has passed must not wake the task, because the task would wake without end.
 fn may_ask_on_chain<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> bool {
     wires.chain.received.is_empty() && !wires.chain.send.is_full()
 }

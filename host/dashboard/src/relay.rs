@@ -40,8 +40,8 @@ const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Advance of the hub's clock between two reports, in ms, above which the hub counts as reset: a day. A reset hub
-/// starts its clock again at 0, which is an advance modulo 2^32 ms. While a computer is suspended, the clock advances
-/// by less.
+/// starts its clock again at 0. Modulo 2^32 ms (49.7 days) this is a large advance, except in the last day before the
+/// clock wraps. A computer that is suspended for less than a day does not reach this limit.
 const RESET_ADVANCE_MS: u32 = 24 * 60 * 60 * 1_000;
 
 /// An event of a page, with the page's number.

@@ -1,5 +1,5 @@
-//! Motions of `power`, `current`, `velocity` and `position`, and whether motors reach their set-points. Also ends motions
-//! to positions, alone or in a group, that make no progress.
+//! Motions of `power`, `current`, `velocity` and `position`, and whether motors reach their set-points. Also detects
+//! motions to positions, alone or in a group, that make no progress.
 
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
@@ -98,16 +98,17 @@ pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(),
     Ok(())
 }
 
-/// Longest time without progress in a motion to positions. Motors that pause on their way, for example at a breakaway
-/// friction, go on within this time.
+/// Longest time without progress in a motion to positions. Motors that pause on their way, for example because of
+/// static friction, go on within this time. Chosen.
 const LONGEST_STANDSTILL: Duration = Duration::from_secs(5);
 
-/// Distance in counts that the fastest motor of a motion covers in the additional time that a slow motion gets. It is the
-/// smallest usual lag of a group, by which the reference of a motor with friction may run ahead before the motor turns.
+/// A motion may pause longer than [`LONGEST_STANDSTILL`] by the time in which its fastest motor covers this distance,
+/// in counts. The distance is the smallest usual lag of a group: the reference of a motor with friction may run ahead
+/// by this distance before the motor turns.
 const SLOWEST_START_COUNTS: f64 = 24.0;
 
-/// Detects that a motion to positions makes no progress: no motor gets to a position where it has not been since the
-/// start. A motor that oscillates about a place makes no progress.
+/// Detects that a motion to positions makes no progress. A motor makes progress when it goes beyond all positions that
+/// it has had since the start. So a motor that oscillates about a position makes no progress.
 pub(super) struct StandstillDetector {
     /// Target of each motor of the motion, in counts.
     targets: [Option<i32>; CHANNELS],
@@ -144,7 +145,8 @@ impl StandstillDetector {
     }
 
     /// Returns the failure of a motion without progress. The failure names the motors that are not within the tolerance
-    /// of their targets, and the reasons of motors that do not turn. `positions` are positions to which the targets apply.
+    /// of their targets, and the reasons why motors do not turn. `positions` are the present positions, counted from
+    /// the same zero as the targets.
     pub(super) fn failure(
         &self,
         positions: [i32; CHANNELS],

@@ -137,13 +137,13 @@ impl Options {
 /// stops within this time at the default acceleration.
 const LONGEST_HALT: Duration = Duration::from_secs(2);
 
-/// Starts a group and shows its motion. Returns true if all motors have settled, false if the time of a motion at speeds is
-/// over.
+/// Starts a group and shows its motion. Returns true if all motors have settled, and false if the time of a motion at
+/// speeds is over. `what` is the beginning of an error message, and says what the group has not done.
 ///
 /// # Errors
-/// The group is too slow, or makes no progress, on the way to its positions; `what` then says what the group has not done.
-/// Or a motor has left the group, by a fault or because the hub has disabled it. The other motors have then stopped in step,
-/// unless that takes longer than [`LONGEST_HALT`].
+/// * The group has not settled at its positions within `length`, or makes no progress.
+/// * A motor has left the group, by a fault or because the hub has disabled the motor. The other motors have then
+///   stopped in step, unless the stop takes longer than [`LONGEST_HALT`].
 pub(super) fn run_group(
     session: &mut Session,
     motors: &[u8],
