@@ -304,7 +304,7 @@ impl DriveState {
     fn current(self, duty: f32, period: Option<PwmPeriod>) -> (f32, f32) {
         let Self { a, c, k, .. } = self;
         if a <= 0.0 {
-            return (duty * a, 1.0);
+            return (duty * a, duty);
         }
         // A PWM line that does not switch has no edges.
         let switches = duty > 0.0 && duty < 1.0;

@@ -23,7 +23,7 @@ bridge. A one-way battery takes none of the energy that goes back.";
 /// Explains the measures of groups.
 const OF_GROUPS: &str = "
 A group settles when all its motors have settled. Out of step: largest difference between the distances of two of its
-motors to where the group wants them at the same time.";
+motors to their references at the same time.";
 
 impl RunReport {
     /// The headline and the tables.
