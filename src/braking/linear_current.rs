@@ -89,7 +89,7 @@ use super::points::{OperatingPoint, Regime};
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
 use crate::units::single::{at_least, at_most};
-use libm::{expm1f, log1pf, logf, roundf, sqrtf};
+use libm::{expm1f, log1pf, roundf, sqrtf};
 
 /// Least share of the voltage a that remains at the end of a tick with a discontinuous current. For a smaller share the
 /// formula requests a current that is too large to be discontinuous. Chosen.
@@ -352,7 +352,7 @@ impl DriveState {
         let (a1, c1) = (a + rise, c - rise);
         let stays = c > 0.0 && c1 > 0.0 && a > 0.0 && a1 > LEAST_REMAINING_SHARE * a;
         stays.then(|| {
-            let accelerating = a / c * ((a + c) * logf(a / a1) + rise) / ticks;
+            let accelerating = a / c * (rise - (a + c) * log1pf(rise / a)) / ticks;
             accelerating + load * (a * c1) / (a1 * c)
         })
     }
