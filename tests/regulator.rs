@@ -345,7 +345,7 @@ fn a_motor_that_was_shaken_in_its_position_is_softer_until_its_next_set_point_or
         bench.run_ms(1_000);
         bench.set(0, position(2_000, 5, 2_000));
         bench.run_ms(3_000);
-        for ms in 0..800 {
+        for ms in 0..1_200 {
             let swing = (std::f64::consts::TAU * 5e-3 * f64::from(ms)).sin();
             bench.axes[0].torque = if shaken { 0.1 * stall * swing } else { 0.0 };
             bench.run_ms(1);
