@@ -6,7 +6,7 @@ use motor_hub::protocol::payload::ByteIn;
 use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::units::Control;
-use motor_hub_client::line::is_tcp;
+use motor_hub_client::line::{is_tcp, tcp_port};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -33,8 +33,7 @@ pub(crate) fn address(text: &str) -> Result<Address, String> {
 
 /// Checks that the text has the form HOST:PORT. The connection is made later.
 pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
-    let port = text.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
-    if is_tcp(text) && port.is_some() {
+    if is_tcp(text) && tcp_port(text).is_some() {
         Ok(text.to_owned())
     } else {
         Err("give HOST:PORT, such as 127.0.0.1:7070; a port is 0 to 65535".to_owned())

@@ -68,8 +68,7 @@ impl Line {
     /// # Errors
     /// The port is not 1 to 65535, the host does not exist, or no program listens at the port.
     pub fn tcp(address: &str, timeout: Duration) -> Result<Self, OpenError> {
-        let port = address.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
-        if port.is_none_or(|port| port == 0) {
+        if tcp_port(address).is_none_or(|port| port == 0) {
             return Err(OpenError::NotATcpPort);
         }
         let mut failure = OpenError::NoSuchHost;
@@ -95,6 +94,12 @@ pub fn is_tcp(place: &str) -> bool {
     let parts = place.rsplit_once(':');
     let is_number = |port: &str| !port.is_empty() && port.bytes().all(|digit| digit.is_ascii_digit());
     parts.is_some_and(|(host, port)| !host.is_empty() && is_number(port))
+}
+
+/// Port of `HOST:PORT`, 0 to 65535; `None` if the text has no such port.
+#[must_use]
+pub fn tcp_port(address: &str) -> Option<u16> {
+    address.rsplit_once(':').and_then(|(_, port)| port.parse().ok())
 }
 
 /// A serial port of this machine.
