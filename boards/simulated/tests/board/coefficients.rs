@@ -170,7 +170,10 @@ fn positions_are_reached_and_held_by_what_hosts_set() {
         });
         for (cell, off) in &lines {
             let beyond = if *cell == WITHOUT_BRAKING { 2.0 } else { 0.0 };
-            assert!(off.iter().all(|&off| off <= f64::from(TOLERANCE) + beyond), "{set:?}: {off:?}, {cell:?}");
+            assert!(
+                off.iter().all(|&off| off <= f64::from(TOLERANCE) + beyond),
+                "{set:?}: {off:?}, {cell:?}"
+            );
         }
     }
 }
