@@ -220,6 +220,12 @@ impl Updating {
             match session.command(request) {
                 // The hub has not finished writing the earlier chunks.
                 Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) => break,
+                // A write or the check has failed, and the hub has forgotten the image. The answer that came before this
+                // refusal may be lost.
+                Err(error @ Error::Refused { reason: Nack::UPDATE_NOT_BEGUN, .. }) => {
+                    let why = why_failed(session.update_state()?.outcome);
+                    return Err(why.map_or_else(|| error.into(), |why| UpdateError::Failed(why.to_owned())));
+                }
                 sent => sent?,
             }
             if chunk.is_empty() {
@@ -237,7 +243,8 @@ impl Updating {
         if is_busy(&report) {
             return Ok(None);
         }
-        if let Some(why) = why_not_armed(&report) {
+        if report.phase != Phase::Armed {
+            let why = why_failed(report.outcome).unwrap_or(NOT_CHECKED);
             return Err(UpdateError::Failed(why.to_owned()));
         }
         session.catch_up()?;
@@ -304,17 +311,14 @@ fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateReport)
     })
 }
 
-/// Why the hub does not start the image that it has received; `None` if the hub starts the image at its next reset.
-const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
-    match (report.phase, report.outcome) {
-        (Phase::Armed, _) => None,
-        (_, Outcome::Mismatch) => Some("the hub's flash reads back other bytes than were sent"),
-        (_, Outcome::WrongSignature) => Some("the signature is not of this file by the hub's key"),
-        (_, Outcome::Older) => {
-            Some("the image is older than the hub's firmware: its rollback version is lower")
-        }
-        (_, Outcome::Refused) => Some("the hub's flash refused the write"),
-        _ => Some(NOT_CHECKED),
+/// Why the hub has failed to write or check the image; `None` if the hub reports no failure.
+const fn why_failed(outcome: Outcome) -> Option<&'static str> {
+    match outcome {
+        Outcome::Mismatch => Some("the hub's flash reads back other bytes than were sent"),
+        Outcome::WrongSignature => Some("the signature is not of this file by the hub's key"),
+        Outcome::Older => Some("the image is older than the hub's firmware: its rollback version is lower"),
+        Outcome::Refused => Some("the hub's flash refused the write"),
+        Outcome::None | Outcome::Done => None,
     }
 }
 

@@ -3,15 +3,18 @@
 
 mod hub_support;
 
-use hub_support::{ADDRESS, Hub, Memory, SLOT, first, started};
+use hub_support::{ADDRESS, Hub, Memory, SIGNATURE_OF_OLDER, SLOT, first, started};
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::{Address, Packet};
-use motor_hub::update::{Booted, CRC, Phase};
+use motor_hub::update::{Booted, CRC, ImageSignature, Phase, Slot};
 use motor_hub_client::Session;
 use motor_hub_client::session::TRANSMISSIONS;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
 use std::time::Duration;
+
+/// Public key of the signer.
+const KEY: [u8; 32] = [3; 32];
 
 fn hub() -> Hub {
     Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() }
@@ -64,6 +67,20 @@ fn an_update_goes_on_if_the_acknowledgement_of_the_restart_is_lost() {
         let end = (0..20).filter_map(|_| updating.step(&mut session).unwrap()).nth(3);
         assert_eq!(end, Some(Progress::Confirmed(version)));
     }
+}
+
+#[test]
+fn an_update_fails_with_the_reason_of_the_check_if_the_acknowledgement_before_is_lost() {
+    // The check fails before the retransmission, and the hub has then forgotten the image.
+    let is_finish = |packet: &Packet| packet.id == HubFunction::FinishUpdate.id();
+    let responder = started(Slot { signer: Some(KEY), ..SLOT }, Booted::Confirmed);
+    let hub = Hub { responder, loses_reply: first(1, is_finish), ..hub() };
+    let mut session =
+        Session::new(Memory::new(hub), Address::new(ADDRESS).unwrap(), Duration::from_millis(150));
+    let signature = ImageSignature { key: KEY, bytes: SIGNATURE_OF_OLDER };
+    let mut updating = Updating::begin(&mut session, image("mh9.9.9"), Some(signature)).unwrap();
+    let failed = (0..10).find_map(|_| updating.step(&mut session).err()).unwrap();
+    assert!(failed.to_string().contains("older than the hub's firmware"), "{failed}");
 }
 
 #[test]
