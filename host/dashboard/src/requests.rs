@@ -166,11 +166,11 @@ impl PageRequest {
         })
     }
 
-    /// True for an order that a running identification of this motor does not allow: another identification, or a
-    /// change of the motor's settings or of its zero.
+    /// True for an order that a running identification of this motor does not allow: another identification, a scenario,
+    /// or a change of the motor's settings or of its zero.
     pub(crate) fn disturbs_identification(&self, identified: u8) -> bool {
         match *self {
-            Self::Identify { .. } | Self::Load | Self::Reset => true,
+            Self::Identify { .. } | Self::Play | Self::Load | Self::Reset => true,
             Self::ResetEncoder { motor } => motor == identified,
             _ => self.changed_motor() == Some(identified),
         }

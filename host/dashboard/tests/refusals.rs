@@ -86,7 +86,7 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
 }
 
 #[test]
-fn a_second_identification_and_changes_of_settings_are_refused_while_one_runs() {
+fn a_second_identification_a_scenario_and_changes_of_settings_are_refused_while_one_runs() {
     let mut page = page_of(vec![Hub::new()]);
     page.order("identify", json!({ "motor": 1 }));
     for (order, fields) in [
@@ -94,6 +94,7 @@ fn a_second_identification_and_changes_of_settings_are_refused_while_one_runs() 
         ("acceleration", json!({ "motor": 1, "limit": 500 })),
         ("reset-encoder", json!({ "motor": 1 })),
         ("load", Value::Null),
+        ("play", Value::Null),
     ] {
         let why = page.refused(order, fields);
         assert_eq!(why, "motor 1 is being identified: wait for its end, or press STOP", "{order}");
