@@ -644,10 +644,11 @@ class Motor:
         ``travel`` limits the motion in counts either way. With ``apply`` the hub regulates the motor by the result until
         its reset; ``Hub.save`` keeps the result.
 
-        Raises ``Refused`` with the hub's reason if the constants cannot be found.
+        Raises ``Refused`` with the hub's reason if the constants cannot be found. After a cancellation the motor stops.
         """
         link = self._hub._link
-        await self.power(0)
+        identification = object()
+        await self._hub._command((self.number,), identification, link.power, self.number, 0)
 
         async def stands() -> bool:
             before = await self.read()
@@ -655,11 +656,21 @@ class Motor:
             return (await self.read()).position == before.position
 
         await _until(stands, _REST_S, f"motor {self.number} does not stand: its load turns it")
-        await self._hub._call(link.identify, self.number, travel)
-        while not isinstance(found := await self._hub._call(link.identification, self.number), dict):
-            if found is None:
-                raise HubError(f"motor {self.number} was not identified: the hub was reset")
-            await asyncio.sleep(_POLL_S)
+
+        def stop() -> None:
+            if not self._hub._others((self.number,), identification):
+                link.power(self.number, 0)
+
+        try:
+            await self._hub._call(link.identify, self.number, travel)
+            while not isinstance(found := await self._hub._call(link.identification, self.number), dict):
+                if found is None:
+                    raise HubError(f"motor {self.number} was not identified: the hub was reset")
+                await asyncio.sleep(_POLL_S)
+        except asyncio.CancelledError:
+            # The thread may still be about to start the identification. The stop follows in the same thread.
+            self._hub._thread.submit(stop)
+            raise
         if apply:
             await self._hub._call(link.apply_identification, self.number)
         return Identified(**found)

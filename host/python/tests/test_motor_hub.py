@@ -182,6 +182,17 @@ class Commands(WithHub):
                 await asyncio.wait_for(self.hub[0].identify(), 20)
         await self.still()
 
+    async def test_a_cancelled_identification_stops_its_motor(self) -> None:
+        with self.hub.enabled(0):
+            identifying = asyncio.create_task(self.hub[0].identify())
+            while (await self.hub[0].read()).setpoint != "identify":
+                await asyncio.sleep(0.05)
+            identifying.cancel()
+            with self.assertRaises(asyncio.CancelledError):
+                await identifying
+            reading = await self.hub[0].read()
+            self.assertEqual((reading.enabled, reading.setpoint), (True, "power"))
+
     async def test_stop_disables_every_motor_and_settled_names_the_reason(self) -> None:
         with self.hub.enabled(0, 3):
             await self.hub[3].velocity(500)
