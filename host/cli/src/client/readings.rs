@@ -19,6 +19,8 @@ use studies::{table, with_fields};
 /// State of a hub, read by several requests one after the other. Each request resets the hub's keep-alive.
 pub(crate) struct Reading {
     pub(crate) at: Duration,
+    /// Answer to the bulk request, with the positions and velocities of `report` if there is a report: all values that
+    /// are shown of a motor are then of one control tick, except `within_tolerance`.
     pub(crate) bulk: Bulk,
     battery: Millivolts,
     pub(crate) status: Status,
@@ -28,9 +30,15 @@ pub(crate) struct Reading {
 
 impl Reading {
     pub(crate) fn take(session: &mut Session, since: Instant) -> Result<Self, Error> {
-        let bulk = session.bulk()?;
-        let (battery, status) = (session.battery()?, session.status(false)?);
+        let (mut bulk, status) = (session.bulk()?, session.status(false)?);
         let report = session.report()?;
+        let battery = match &report {
+            Some(report) => {
+                put_motion(report, &mut bulk);
+                report.battery.unwrap_or_default()
+            }
+            None => session.battery()?,
+        };
         Ok(Self { at: since.elapsed(), bulk, battery, status, report })
     }
 
@@ -134,6 +142,14 @@ impl Reading {
             "motor_alerts": alert_words(self.status),
             "motors": motors,
         })
+    }
+}
+
+/// Replaces positions and velocities of a bulk answer by those of a report.
+pub(super) fn put_motion(report: &HubReport, bulk: &mut Bulk) {
+    let values = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
+    for ((position, velocity), motor) in values.zip(&report.motors) {
+        (*position, *velocity) = (motor.position, motor.velocity);
     }
 }
 
@@ -254,4 +270,47 @@ pub(crate) fn repeat(
         }
     }
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motor_hub::protocol::Address;
+    use motor_hub::units::CountsPerSecond;
+    use motor_hub_client::memory::MemoryHub;
+    use std::io::{Read, Result, Write};
+
+    /// A hub whose motor 0 is 10 counts/s faster at each request.
+    #[derive(Debug, Default)]
+    struct AcceleratingHub {
+        hub: MemoryHub,
+        cps: i32,
+    }
+
+    impl Write for AcceleratingHub {
+        fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+            self.cps += 10;
+            self.hub.snapshot.motors[0].velocity = CountsPerSecond::new(self.cps);
+            self.hub.write(bytes)
+        }
+
+        fn flush(&mut self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Read for AcceleratingHub {
+        fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+            self.hub.read(bytes)
+        }
+    }
+
+    #[test]
+    fn the_velocity_of_a_reading_is_of_the_same_tick_as_the_report() {
+        let hub = AcceleratingHub::default();
+        let mut session = Session::new(hub, Address::DEFAULT, Duration::from_secs(1));
+        let reading = Reading::take(&mut session, Instant::now()).unwrap();
+        let reported = reading.reported(0).unwrap().velocity;
+        assert_eq!(reading.json(&[0], None)["motors"][0]["velocity"], reported);
+    }
 }

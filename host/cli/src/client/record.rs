@@ -4,11 +4,11 @@ use super::drive::Drive;
 use super::hub::HubOptions;
 use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
-use super::readings::{MotorReading, motors_of, repeat};
+use super::readings::{MotorReading, motors_of, put_motion, repeat};
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
-use motor_hub::extension::report::{HubReport, ReportedSetpoint};
+use motor_hub::extension::report::ReportedSetpoint;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
 use motor_hub_client::error::none_if_unsupported;
@@ -144,7 +144,11 @@ impl Recorder {
         let begun = Instant::now();
         let report = session.report()?;
         let (battery, bulk) = match &report {
-            Some(report) => (report.battery.unwrap_or_default(), bulk_of(report)),
+            Some(report) => {
+                let mut bulk = Bulk::default();
+                put_motion(report, &mut bulk);
+                (report.battery.unwrap_or_default(), bulk)
+            }
             None => (session.battery()?, session.bulk()?),
         };
         let at = since.elapsed();
@@ -196,16 +200,6 @@ impl Recorder {
             of(charts.len(), "chart")
         ))
     }
-}
-
-/// Returns a bulk answer with the positions and velocities of a report. All other fields have their defaults.
-fn bulk_of(report: &HubReport) -> Bulk {
-    let mut bulk = Bulk::default();
-    let values = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
-    for ((position, velocity), motor) in values.zip(&report.motors) {
-        (*position, *velocity) = (motor.position, motor.velocity);
-    }
-    bulk
 }
 
 /// Least number of readings per second by which the speed of a motor is judged. The mean of the last 0.5 s is then of at
