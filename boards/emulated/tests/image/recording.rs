@@ -47,7 +47,7 @@ impl Configuration {
             Self::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)), ..settings },
             Self::Unknown => settings,
             Self::Coefficients => {
-                let suggested = Coefficients::guessed(settings.winding.emf, settings.scheme, period);
+                let suggested = Coefficients::suggested(settings.winding.emf);
                 Settings { coefficients: Some(suggested), ..settings }
             }
         }
