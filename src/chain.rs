@@ -99,6 +99,8 @@ impl Addresses {
 #[derive(Clone, Copy, Debug)]
 struct PendingRequest {
     address: u8,
+    /// Message number, to which the answer refers.
+    number: u8,
     /// True if the request is part of a discovery.
     discovery: bool,
     /// Time at which the line is free again without an answer. `None` until the request has been sent.
@@ -162,8 +164,9 @@ impl Chain {
     /// is the address of this hub.
     ///
     /// An answer that comes too late is passed on too: a host may still accept it, and learns that the child is there.
+    /// Only the answer to the present request makes the line free.
     pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
-        let Packet { source, .. } = packet;
+        let Packet { source, reference, .. } = packet;
         if let Some(pending) = &mut self.pending {
             // The bytes that arrived were a packet, so no answers have collided.
             pending.received_bytes = false;
@@ -171,7 +174,7 @@ impl Chain {
         if packet.destination != HOST || !self.addressed.has(source) {
             return None;
         }
-        self.pending.take_if(|pending| pending.address == source);
+        self.pending.take_if(|pending| (pending.address, pending.number) == (source, reference));
         let is_duplicate = source == own.get();
         self.answering.set(source, true);
         self.duplicate.set(source, is_duplicate);
@@ -199,6 +202,7 @@ impl Chain {
         self.addressed.set(packet.destination, true);
         self.pending = Some(PendingRequest {
             address: packet.destination,
+            number: packet.number,
             discovery,
             until: None,
             received_bytes: false,

@@ -643,8 +643,10 @@ impl Motor {
         if !open {
             command.bridge.voltage = self.after_change(command.bridge);
         }
-        let uses_speed =
-            command.request.target.is_some() || matches!(self.setpoint, Setpoint::Current { .. });
+        let Request { target, control, .. } = command.request;
+        // A constant current requests a voltage. A motor that brakes in its place, at a fault, has a control value.
+        let is_current = control.is_none() && matches!(self.setpoint, Setpoint::Current { .. });
+        let uses_speed = target.is_some() || is_current;
         self.regulator.drive((!open).then_some(command.bridge), uses_speed);
         // While a limit opens the bridge, the applied voltage is the back EMF, and the identification continues with
         // this voltage.
