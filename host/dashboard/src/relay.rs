@@ -252,6 +252,9 @@ impl Relay {
             {
                 Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
             }
+            PageRequest::Identify { .. } if self.playing.is_some() => {
+                Err("a scenario is being played: wait for its end, or press STOP".into())
+            }
             PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| self.identification = Some(identification))

@@ -202,6 +202,8 @@ fn a_scenario_with_a_constant_current_is_played() {
     let dashboard = Dashboard::start(&["--scenario", &scenario("dashboard-current", text)]);
     let mut page = Page::ready(&dashboard);
     page.order("play", Value::Null);
+    let why = page.refused("identify", json!({ "motor": 1 }));
+    assert_eq!(why, "a scenario is being played: wait for its end, or press STOP");
     for (setpoint, target) in [("current", 0.4), ("power", 0.2), ("current", -0.3)] {
         page.until("a set-point of the scenario", |page, _| {
             let motor = &page.frame["motors"][0];
