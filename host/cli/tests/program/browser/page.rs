@@ -134,10 +134,11 @@ pub(crate) fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
     since.elapsed()
 }
 
-/// Waits until frames come, and the settings of all motors are known.
+/// Waits until frames with a good battery come, and the settings of all motors are known.
 pub(crate) fn live(tab: &mut Tab<'_>) {
-    tab.wait("window.dashboard?.state.frame?.number > 4 && dashboard.state.settings.length === 4");
-    tab.wait("dashboard.state.frame.battery_v > 11");
+    tab.wait(
+        "window.dashboard?.state.frame?.number > 4 && dashboard.state.frame.battery_v > 11 && dashboard.state.settings.length === 4",
+    );
 }
 
 /// Takes control if no page has it. A page loses control when it shows no new values for 1 s, which a busy machine and
