@@ -339,15 +339,6 @@ fn motors_of_a_hub_that_is_not_shown_stop_with_the_page() {
     }
 }
 
-#[test]
-fn settings_are_not_imported_while_a_motor_runs() {
-    let dashboard = Dashboard::start(&[]);
-    let mut page = Page::ready(&dashboard);
-    let file = export(&mut page);
-    page.run(0);
-    assert!(page.refused("import", json!({ "text": file })).starts_with("a motor is enabled"));
-}
-
 /// The settings in force as a file.
 fn export(page: &mut Page) -> String {
     page.order("export", Value::Null);
