@@ -140,8 +140,7 @@ impl Options {
             Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),
             None => format!("{} counts/s", jog.level()),
         };
-        let chosen = jog.motors();
-        let motors = motors_of(bulk, &chosen);
+        let motors = motors_of(bulk, jog.motors());
         let motors = motors.map(|MotorReading { motor, position, velocity, .. }| {
             format!("motor {motor}: {position} counts, {velocity} counts/s\n")
         });

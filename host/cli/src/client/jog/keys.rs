@@ -64,7 +64,8 @@ const fn plain(byte: u8) -> Option<Key> {
 /// Requested level of all motors, as a function of keys and time.
 #[derive(Clone, Debug)]
 pub(super) struct Jog {
-    motors: [bool; ALL.len()],
+    /// Chosen motors.
+    motors: Vec<u8>,
     level: i16,
     hold: Duration,
     /// Requested level by motor; `None` is disabled.
@@ -75,13 +76,13 @@ pub(super) struct Jog {
 
 impl Jog {
     /// Starts with motor 0 chosen. A key press drives at `level` for `hold`.
-    pub(super) const fn new(level: i16, hold: Duration) -> Self {
-        Self { motors: [true, false, false, false], level, hold, wanted: [None; ALL.len()], until: None }
+    pub(super) fn new(level: i16, hold: Duration) -> Self {
+        Self { motors: vec![0], level, hold, wanted: [None; ALL.len()], until: None }
     }
 
     /// Returns the chosen motors.
-    pub(super) fn motors(&self) -> Vec<u8> {
-        ALL.into_iter().zip(self.motors).filter_map(|(motor, chosen)| chosen.then_some(motor)).collect()
+    pub(super) fn motors(&self) -> &[u8] {
+        &self.motors
     }
 
     /// Returns the level of motors that turn, in counts per second or in steps of power (32767 is full power).
@@ -96,8 +97,8 @@ impl Jog {
             Key::Backward => self.go(-self.level, now),
             Key::Faster => self.level = self.level.saturating_add(self.step()),
             Key::Slower => self.level -= self.step().min(self.level - 1),
-            Key::One(motor) => self.choose(ALL.map(|other| other == motor)),
-            Key::All => self.choose([true; ALL.len()]),
+            Key::One(motor) => self.choose(vec![motor]),
+            Key::All => self.choose(ALL.to_vec()),
             Key::Stop | Key::Quit => (self.wanted, self.until) = ([None; ALL.len()], None),
         }
     }
@@ -108,13 +109,15 @@ impl Jog {
     }
 
     fn go(&mut self, level: i16, now: Instant) {
-        for (wanted, _) in self.wanted.iter_mut().zip(self.motors).filter(|(_, chosen)| *chosen) {
-            *wanted = Some(level);
+        for (motor, wanted) in (0..).zip(&mut self.wanted) {
+            if self.motors.contains(&motor) {
+                *wanted = Some(level);
+            }
         }
         self.until = Some(now + self.hold);
     }
 
-    fn choose(&mut self, motors: [bool; ALL.len()]) {
+    fn choose(&mut self, motors: Vec<u8>) {
         self.stand();
         self.motors = motors;
     }
