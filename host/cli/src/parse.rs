@@ -40,10 +40,15 @@ pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
     }
 }
 
+/// Parses two values with a comma between them.
+pub(crate) fn pair<T: FromStr>(text: &str) -> Option<[T; 2]> {
+    let (first, second) = text.split_once(',')?;
+    Some([first.trim().parse().ok()?, second.trim().parse().ok()?])
+}
+
 /// Parses the two digital pins that a wire connects.
 pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
-    let pin = |text: &str| text.trim().parse().ok().and_then(Pin::new);
-    let ends = text.split_once(',').and_then(|(from, to)| Some([pin(from)?, pin(to)?]));
+    let ends = pair(text).and_then(|[from, to]| Some([Pin::new(from)?, Pin::new(to)?]));
     ends.filter(|[from, to]| from != to)
         .ok_or_else(|| "a wire is between two digital pins, 0 to 7, such as 4,5".to_owned())
 }

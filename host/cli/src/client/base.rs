@@ -5,7 +5,7 @@ use super::motors_off::DrivingSession;
 use super::readings::repeat;
 use super::together::{enable_with_power_0, run_group};
 use crate::output::{Failure, print, print_as, print_error_line};
-use crate::parse::{number, within_a_day};
+use crate::parse::{number, pair, within_a_day};
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
 use motor_hub::protocol::CHANNELS;
@@ -44,7 +44,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "MM", value_parser = positive, requires = "wheel_diameter_mm")]
     track_mm: Option<f64>,
     /// Encoder counts per turn of the left and the right wheel; negative if the motor counts down while its wheel drives forward
-    #[arg(long, value_name = "LEFT,RIGHT", value_parser = pair, allow_hyphen_values = true, requires = "wheel_diameter_mm")]
+    #[arg(long, value_name = "LEFT,RIGHT", value_parser = counts_per_turn, allow_hyphen_values = true, requires = "wheel_diameter_mm")]
     counts_per_turn: Option<[f64; 2]>,
     /// The base holds the heading of the gyro on I2C bus 0
     #[arg(long, requires = "wheel_diameter_mm")]
@@ -74,15 +74,13 @@ fn positive(text: &str) -> Result<f64, String> {
     number("allowed", 0.001..=1e6, "")(text)
 }
 
-fn pair(text: &str) -> Result<[f64; 2], String> {
-    let parse = |number: &str| number.parse().ok().filter(|number: &f64| number.is_finite());
-    let pair = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
-    pair.ok_or_else(|| "give two numbers, as 1680,-1680".to_owned())
+fn counts_per_turn(text: &str) -> Result<[f64; 2], &'static str> {
+    let wheels = pair(text).filter(|wheels| wheels.iter().all(|counts: &f64| counts.is_finite()));
+    wheels.ok_or("give two numbers, as 1680,-1680")
 }
 
 fn wheels(text: &str) -> Result<[u8; 2], String> {
-    let parse = |motor: &str| motor.parse().ok().filter(|motor| usize::from(*motor) < CHANNELS);
-    let wheels = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
+    let wheels = pair(text).filter(|wheels| wheels.iter().all(|motor| usize::from(*motor) < CHANNELS));
     wheels.ok_or_else(|| format!("give two motors from 0 to {}, as 0,1", CHANNELS - 1))
 }
 
