@@ -7,7 +7,7 @@ use crate::parse::{battery_mv, named, share, whole};
 use crate::scheme_options::{SCHEMES, scheme};
 use clap::ArgGroup;
 use motor_hub::braking::Scheme;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::units::Control;
 use simulated::scheme::BlendChoice;
 use std::path::PathBuf;
@@ -25,7 +25,8 @@ struct OperatingOptions {
     blend: Option<BlendChoice>,
     /// Motor of the catalogue: see `motor-hub motors`
     #[arg(long, value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
-    motor: Option<String>,
+    #[arg(value_parser = characterised)]
+    motor: Option<Motor>,
     #[command(flatten)]
     constants: Constants,
     /// Speed of the encoder in counts per second, positive for CW
@@ -43,10 +44,7 @@ impl OperatingOptions {
     /// Computes the points S, T, Z and G at the operating point by the firmware's core.
     fn report(&self) -> Result<OperatingReport, Failure> {
         let scheme = scheme(self.scheme, self.blend)?;
-        let motor = match &self.motor {
-            Some(name) => characterised(name).map_err(Failure::input)?,
-            None => self.constants.motor()?,
-        };
+        let motor = self.motor.map_or_else(|| self.constants.motor(), Ok)?;
         OperatingReport::new(motor, scheme, self.speed_cps, self.battery_mv).map_err(Failure::input)
     }
 }

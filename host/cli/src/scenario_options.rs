@@ -2,7 +2,7 @@
 
 use crate::output::Failure;
 use crate::parse::whole;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::units::Period;
 use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
@@ -16,8 +16,8 @@ pub(crate) struct ScenarioOptions {
     scenario: Option<PathBuf>,
     /// Motor of the catalogue that replaces the default scenario's first, second, ... motor, with speeds and loads in
     /// proportion; given up to four times. The run has only the motors that are named
-    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
-    motor: Vec<String>,
+    #[arg(long, value_name = "NAME", conflicts_with = "scenario", value_parser = characterised)]
+    motor: Vec<Motor>,
     /// Control period in milliseconds
     #[arg(long = "period-ms", alias = "period", value_name = "MS")]
     #[arg(value_parser = whole("a control period", 1..=100_u32, "ms"))]
@@ -49,8 +49,7 @@ impl ScenarioOptions {
         if times > 0 {
             scenario.motors.truncate(times);
         }
-        for (motor, name) in scenario.motors.iter_mut().zip(&self.motor) {
-            let constants = characterised(name).map_err(Failure::input)?;
+        for (motor, constants) in scenario.motors.iter_mut().zip(&self.motor) {
             *motor = motor.with_constants(constants.with_measured_rotor_inertia());
         }
         Ok(())

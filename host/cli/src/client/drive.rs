@@ -142,7 +142,7 @@ impl Drive {
     /// Returns the requested motion.
     pub(super) fn motion(&self) -> Result<Motion, Failure> {
         let common = self.common();
-        let counts_per_turn = common.shaft.counts()?;
+        let counts_per_turn = common.shaft.counts();
         let setpoint = match *self {
             Self::Power { value, .. } => Setpoint::Power(value),
             Self::Current { ma, speed_limit, .. } => Setpoint::Current { ma, speed_limit },

@@ -12,7 +12,7 @@ use motor_hub::braking::Winding;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Group, MotorSettings, Values};
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::motor::{Settings, ThermalLimit};
 use motor_hub::units::EmfConstant;
 use motor_hub_client::Session;
@@ -32,7 +32,8 @@ pub(crate) struct Options {
     motor: MotorName,
     /// Connected motor by its name in the catalogue, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
-    name: Option<String>,
+    #[arg(value_parser = characterised)]
+    motor_type: Option<Motor>,
     #[command(flatten)]
     constants: Constants,
     #[command(flatten)]
@@ -54,10 +55,9 @@ const BRIDGES: [(&str, &str, Timing); 2] = [
 ];
 
 /// Returns the winding and the thermal limit of a motor of the catalogue.
-fn of_type(name: &str) -> Result<(Winding, Option<ThermalLimit>), Failure> {
-    let motor = characterised(name).map_err(Failure::input)?;
-    let limit = thermal_limit(&motor).map_err(Failure::input)?;
-    Ok((winding(&motor).map_err(Failure::input)?, Some(limit)))
+fn of_type(motor: &Motor) -> Result<(Winding, Option<ThermalLimit>), Failure> {
+    let limit = thermal_limit(motor).map_err(Failure::input)?;
+    Ok((winding(motor).map_err(Failure::input)?, Some(limit)))
 }
 
 /// Writes the settings that differ. If `set_up` is true, the set-up is written also if it does not differ, because the
@@ -79,19 +79,16 @@ fn write(
 }
 
 /// Configures a motor as a motor of the catalogue.
-pub(super) fn write_type(session: &mut Session, motor: u8, name: &str) -> Result<(), Failure> {
+pub(super) fn write_type(session: &mut Session, motor: u8, motor_type: &Motor) -> Result<(), Failure> {
     let before = session.settings(motor)?;
     let mut wanted = before;
-    (wanted.motor.winding, wanted.motor.thermal) = of_type(name)?;
+    (wanted.motor.winding, wanted.motor.thermal) = of_type(motor_type)?;
     write(session, motor, &before, &wanted, true)
 }
 
 impl Options {
     /// Checks the options before anything is sent.
     fn check(&self) -> Result<(), Failure> {
-        if let Some(name) = &self.name {
-            characterised(name).map_err(Failure::input)?;
-        }
         self.scheme.scheme()?;
         self.constants.emf().map(drop)
     }
@@ -103,7 +100,7 @@ impl Options {
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
         // A set-up that the options give is written also if it changes nothing.
-        let given = self.name.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
+        let given = self.motor_type.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
         write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
         session.catch_up()?;
@@ -114,8 +111,8 @@ impl Options {
     fn changed(&self, before: &MotorSettings) -> Result<MotorSettings, Failure> {
         let mut settings = *before;
         let Settings { winding: constants, scheme, duty, thermal, bridge, .. } = &mut settings.motor;
-        if let Some(name) = &self.name {
-            (*constants, *thermal) = of_type(name)?;
+        if let Some(motor) = &self.motor_type {
+            (*constants, *thermal) = of_type(motor)?;
         }
         constants.emf = self.constants.emf()?.unwrap_or(constants.emf);
         constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);

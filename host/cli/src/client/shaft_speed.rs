@@ -2,7 +2,7 @@
 
 use crate::output::Failure;
 use crate::parse::number;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{Motor, characterised};
 use std::f64::consts::TAU;
 use std::str::FromStr;
 
@@ -14,16 +14,14 @@ pub(super) struct ShaftOptions {
     #[arg(value_parser = number("an encoder's resolution", 1.0..=1e6, "counts in a turn"))]
     counts_per_turn: Option<f64>,
     /// Counts per turn by the motor's name, such as "NeveRest 60"; see `motor-hub motors`
-    #[arg(long = "type", value_name = "NAME", conflicts_with = "counts_per_turn")]
-    name: Option<String>,
+    #[arg(long = "type", value_name = "NAME", conflicts_with = "counts_per_turn", value_parser = characterised)]
+    motor_type: Option<Motor>,
 }
 
 impl ShaftOptions {
     /// Returns the encoder counts in a turn; `None` if neither option is given.
-    pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
-        let Some(name) = &self.name else { return Ok(self.counts_per_turn) };
-        let motor = characterised(name).map_err(Failure::input)?;
-        Ok(Some(motor.counts_per_rev_output()))
+    pub(super) fn counts(&self) -> Option<f64> {
+        self.motor_type.map(|motor| motor.counts_per_rev_output()).or(self.counts_per_turn)
     }
 }
 

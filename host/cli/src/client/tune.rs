@@ -6,7 +6,7 @@ use super::{settings, setup};
 use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::{MotorName, motor, whole};
 use motor_hub::braking::Winding;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::motor::Settings;
 use serde_json::json;
 use studies::{table, with_fields};
@@ -32,8 +32,8 @@ pub(crate) struct Options {
     #[arg(value_parser = motor)]
     pub(super) motor: MotorName,
     /// Connected motor by its name in the catalogue, such as "NeveRest 60" [default: the configured motor]
-    #[arg(long = "type", value_name = "NAME")]
-    name: Option<String>,
+    #[arg(long = "type", value_name = "NAME", value_parser = characterised)]
+    motor_type: Option<Motor>,
     /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
@@ -51,16 +51,13 @@ pub(crate) struct Options {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        if let Some(name) = &self.name {
-            characterised(name).map_err(Failure::input)?;
-        }
         let session = &mut hub.open(self.motor.hub)?;
         let number = self.motor.number;
-        if let Some(name) = &self.name {
-            setup::write_type(session, number, name)?;
+        if let Some(motor) = &self.motor_type {
+            setup::write_type(session, number, motor)?;
         }
         let before = session.settings(number)?;
-        if self.name.is_none()
+        if self.motor_type.is_none()
             && before.motor.winding == Winding::NEVEREST_60
             && before.motor.thermal.is_none()
         {

@@ -31,7 +31,7 @@ pub(crate) struct Options {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let counts_per_turn = self.shaft.counts()?;
+        let counts_per_turn = self.shaft.counts();
         let session = &mut hub.open(None)?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);

@@ -19,7 +19,7 @@ run --scheme E | none, A, B, C, D
 run --scheme B --blend 0.5 | scheme D only
 run --scheme D --blend 2 | 0 (scheme B) to 1 (scheme C)
 run --motor AM61A | NeveRest 60, NeveRest 60-B
-run --motor x --motor x --motor x --motor x --motor x | 5 times
+run --motor AM60A --motor AM60A --motor AM60A --motor AM60A --motor AM60A | 5 times
 run --scenario /no/such/file | /no/such/file
 run --scenario wrong.toml | wrong.toml:1:8:
 run --wrong | --wrong
