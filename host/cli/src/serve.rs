@@ -20,7 +20,7 @@ use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{self, Hubs, Line, LineError, Memory, Moment};
 #[cfg(unix)]
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -219,13 +219,12 @@ impl Options {
 /// Returns the address, or the loopback address if the address stands for all interfaces of this machine (0.0.0.0 or
 /// ::).
 #[cfg(unix)]
-fn loopback_if_unspecified(address: SocketAddr) -> SocketAddr {
-    let ip = match address.ip() {
-        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
-        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
-        ip => ip,
-    };
-    SocketAddr::new(ip, address.port())
+fn loopback_if_unspecified(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        let is_v4 = address.is_ipv4();
+        address.set_ip(if is_v4 { Ipv4Addr::LOCALHOST.into() } else { Ipv6Addr::LOCALHOST.into() });
+    }
+    address
 }
 
 /// Writes a note for `client scan`. If this fails, the hub is served without a note.

@@ -77,14 +77,14 @@ impl Options {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
                 print_error_line("warning: with P or I below 0 the motor runs away from its set-point");
             }
-            let LoopCoefficients { p, i, d, f, terms: _ } = pidf;
-            let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
-            let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
-            session.set_coefficients(
-                self.motor.number,
-                of,
-                LoopCoefficients { p, i, d, f, terms: Terms::Pidf },
-            )?;
+            let wanted = LoopCoefficients {
+                p: self.p.unwrap_or(pidf.p),
+                i: self.i.unwrap_or(pidf.i),
+                d: self.d.unwrap_or(pidf.d),
+                f: self.f.unwrap_or(pidf.f),
+                terms: Terms::Pidf,
+            };
+            session.set_coefficients(self.motor.number, of, wanted)?;
             pidf = session.coefficients(self.motor.number, of)?;
         }
         let in_force = if sets { Some(true) } else { in_force(session, self.motor.number)? };
