@@ -231,7 +231,6 @@ impl Counter {
         self.decoder.update(self.encoder.levels(self.shaft, self.disturbed));
     }
 
-    /// Returns the count of the timer.
     pub(crate) const fn count(&self) -> i64 {
         self.decoder.count
     }

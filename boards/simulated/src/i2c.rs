@@ -81,12 +81,10 @@ impl ByteMemory {
     }
 }
 
-/// The devices of all buses.
 #[derive(Clone, Debug)]
 pub(crate) struct I2cDevices {
     pub(crate) imu: Bno055,
     memory: ByteMemory,
-    /// Conditions of the buses.
     pub(crate) faults: [Fault; I2C_BUSES],
 }
 

@@ -52,7 +52,6 @@ use std::pin::{Pin, pin};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
-/// Length of a step in real time.
 const STEP: Duration = Duration::from_millis(1);
 
 /// Bytes that the serial line of a hub carries in a step; each takes ten bits.
@@ -173,7 +172,6 @@ impl Served {
         Self { board, wires, health, led: Cell::default() }
     }
 
-    /// Returns all tasks of the hub.
     fn tasks<'a>(
         &'a self,
         scenario: &Scenario,

@@ -101,9 +101,6 @@ impl Executor {
 }
 
 /// Returns the hub's tasks on the simulated board, without the task that commands the motors.
-///
-/// # Errors
-/// If a motor's constants do not fit the firmware.
 pub(crate) fn tasks<'a>(
     scenario: &Scenario,
     board: &Board,

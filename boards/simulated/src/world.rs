@@ -88,7 +88,6 @@ pub struct World {
     outside: u8,
     /// Digital pins that a wire connects: bit i is pin i.
     wired: u8,
-    /// Pulses of the servo outputs.
     servos: [Option<ServoPulse>; SERVOS],
     /// Voltages at the analog inputs, in volts. An open input is pulled down.
     analog_v: [f64; ANALOG_INPUTS],
@@ -230,7 +229,6 @@ impl Board {
         act(&mut self.0.borrow_mut().i2c)
     }
 
-    /// Restarts the time-out of the watchdog.
     pub(crate) fn feed_watchdog(&self) {
         self.0.borrow_mut().unfed_s = 0.0;
     }
@@ -317,17 +315,13 @@ impl World {
     fn convert(&mut self, volts: f64) -> u16 {
         // The sum of three uniform numbers has a standard deviation of 1/2.
         let sum = self.noise.f64() + self.noise.f64() + self.noise.f64() - 1.5;
-        counts(volts / RAIL_V * FULL_SCALE + 2.0 * NOISE * sum)
+        counts(volts, 2.0 * NOISE * sum)
     }
 }
 
-/// Converts a voltage at a pin to counts, without noise.
-fn convert_exactly(volts: f64) -> u16 {
-    counts(volts / RAIL_V * FULL_SCALE)
-}
-
-fn counts(counts: f64) -> u16 {
-    counts.round().clamp(0.0, FULL_SCALE) as u16
+/// Converts a voltage at a pin to counts, with this noise in counts.
+fn counts(volts: f64, noise: f64) -> u16 {
+    (volts / RAIL_V * FULL_SCALE + noise).round().clamp(0.0, FULL_SCALE) as u16
 }
 
 impl Encoders<MOTORS> for Board {
@@ -411,16 +405,16 @@ impl Devices for Board {
     }
 
     fn analog(&mut self) -> AnalogReadings {
-        let vrefint = convert_exactly(VREFINT_V);
+        let vrefint = counts(VREFINT_V, 0.0);
         let servos = self.servos().iter().flatten().count() as i32;
         let inputs = self.0.borrow().analog_v.map(|volts| {
-            let counts = convert_exactly(volts);
+            let counts = counts(volts, 0.0);
             let voltage = PIN_SCALE.battery(counts, vrefint)?;
             Some(AnalogReading { voltage, counts })
         });
         AnalogReadings {
             inputs,
-            rail: FIVE_VOLT_SCALE.battery(convert_exactly(0.5 * FIVE_VOLTS), vrefint),
+            rail: FIVE_VOLT_SCALE.battery(counts(0.5 * FIVE_VOLTS, 0.0), vrefint),
             temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
             // Nothing draws current from the digital pins.
             supply_currents: Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(|ma| Some(Milliamperes::new(ma)))),

@@ -48,7 +48,6 @@ impl Fault {
         Self { span: error.span(), message: format!("{key} {message}").trim_start().to_owned() }
     }
 
-    /// Returns the error with line and column.
     pub(super) fn in_file(self, file: &str, text: &str) -> ScenarioError {
         let (line, column) = line_and_column(text, self.span.unwrap_or_default().start);
         ScenarioError::Wrong { file: file.to_owned(), line, column, message: self.message }

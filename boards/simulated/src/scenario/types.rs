@@ -414,7 +414,6 @@ impl Motor {
         })
     }
 
-    /// The configured dynamics of the motor with its load.
     fn dynamics(&self, configured: &catalogue::Motor, winding: &Winding) -> Result<Dynamics, RangeError> {
         let truth = mechanics(configured, &self.load);
         let Configuration { inertia, drag, friction, .. } = self.configuration;

@@ -1,13 +1,13 @@
 //! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub
 //! sends.
 
+use super::ready;
 use embedded_io_async::{ErrorType, Read, Write};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::poll_fn;
 use std::rc::Rc;
-use std::task::Poll;
 
 /// A fault of the line, or of a hub on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,11 +120,7 @@ impl ErrorType for ChainEnd {
 
 impl Read for ChainEnd {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        poll_fn(|_| match self.line.0.borrow_mut().receive(self.hub, bytes) {
-            0 => Poll::Pending,
-            received => Poll::Ready(Ok(received)),
-        })
-        .await
+        poll_fn(|_| ready(self.line.0.borrow_mut().receive(self.hub, bytes))).await
     }
 }
 

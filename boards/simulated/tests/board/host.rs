@@ -15,7 +15,6 @@ use std::pin::Pin;
 use std::sync::{MutexGuard, PoisonError};
 use std::task::{Context, Waker};
 
-/// Hubs and their host.
 pub(crate) struct Served {
     hubs: Pin<Box<dyn Future<Output = ()>>>,
     pub(crate) line: ChainLine,
@@ -63,7 +62,6 @@ impl Served {
         (0..ms).flat_map(|_| self.step()).collect()
     }
 
-    /// Sends a request, and returns its number.
     pub(crate) fn send(&mut self, request: impl Into<Request>, address: u8) -> u8 {
         self.number = self.number.checked_add(1).unwrap_or(1);
         let request = request.into();
@@ -91,7 +89,6 @@ impl Served {
         )
     }
 
-    /// Sends a request, and returns the value of the answer.
     pub(crate) fn value<A: Field>(&mut self, request: impl Into<Request>, address: u8) -> A {
         let (answer, _) = self.ask(request, address).expect("an answer");
         A::read(&mut Fields::new(&answer.payload)).expect("a value")

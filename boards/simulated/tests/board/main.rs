@@ -36,7 +36,6 @@ fn board(bridges: &[BridgeConstants]) -> Board {
 /// All runs of the process share the clock of the mock driver, so they wait for each other.
 static CLOCK: Mutex<()> = Mutex::new(());
 
-/// Runs the hub's tasks.
 fn run_tasks(scenario: &Scenario) -> Trace {
     let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
     sim::run(scenario, &mut |_| ()).expect("it runs")

@@ -47,7 +47,6 @@ impl<'de> Deserialize<'de> for RegimeWord {
     }
 }
 
-/// Reads the expected fault.
 fn fault<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Expected>, D::Error> {
     let faults =
         [("none", None), ("stuck", Some(Fault::EncoderStuck)), ("reversed", Some(Fault::EncoderReversed))];

@@ -48,7 +48,6 @@ struct CourseTable {
     tolerance_counts: Option<Distance>,
 }
 
-/// Message for a course that is too long.
 const TOO_LONG: &str = "the course is longer than 2147483647 counts";
 
 impl GroupTable {

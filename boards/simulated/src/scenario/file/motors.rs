@@ -191,12 +191,10 @@ struct EncoderTable {
     slot_missing_of: Option<Slots>,
 }
 
-/// Reads the name of a bridge.
 fn bridge<'de, D: Deserializer<'de>>(from: D) -> Result<Option<BridgeConstants>, D::Error> {
     one_of(from, &[("ideal", BRIDGE), ("vnh5019", REAL_BRIDGE)]).map(Some)
 }
 
-/// Reads the name of an encoder's condition.
 fn encoder<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Encoder>, D::Error> {
     let stuck = |wire, high| Encoder::Stuck { wire, high };
     let conditions = [
