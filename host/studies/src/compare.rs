@@ -24,7 +24,6 @@ use variant::Variant;
 /// The runs of all variants at one task.
 #[derive(Clone, Debug, Serialize)]
 struct TaskResult {
-    /// The task.
     #[serde(flatten)]
     task: Task,
     /// One run for each variant, in the order of [`Variant::ALL`].
@@ -34,7 +33,6 @@ struct TaskResult {
 /// The runs of all tasks with one way of choosing coefficients.
 #[derive(Clone, Debug, Serialize)]
 struct Round {
-    /// How coefficients were chosen.
     tuning: Tuning,
     /// One result for each task, in the order of the tasks.
     tasks: Vec<TaskResult>,
@@ -49,9 +47,6 @@ pub struct Comparison {
 impl Comparison {
     /// Runs all tasks in both rounds. With `quick`, runs the first three tasks with the same coefficients only.
     /// `progress` gets the number of finished runs and the number of all runs.
-    ///
-    /// # Errors
-    /// If a run fails.
     pub fn new(quick: bool, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
         let mut tasks = tasks::all()?;
         if quick {

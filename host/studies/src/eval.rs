@@ -96,7 +96,6 @@ fn answer(case: &Case) -> Result<Value, CaseError> {
     }
 }
 
-/// True if the value is null, or a list with a null in it.
 fn has_null(value: &Value) -> bool {
     value.is_null() || value.as_array().is_some_and(|values| values.iter().any(has_null))
 }

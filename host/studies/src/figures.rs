@@ -21,7 +21,6 @@ pub const CIRCUITS: &str = include_str!("../../../docs/pictures/circuits.svg");
 
 /// Battery voltage in figures, in volts.
 const BATTERY: f64 = 12.0;
-/// Bridge of the model in figures.
 const BRIDGE: Bridge = Bridge::new(hardware::BRIDGE);
 /// The duty rules in figures, with name and colour.
 const RULES: [(&str, &str, DutyRule); 2] = [
@@ -57,7 +56,6 @@ pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
     Ok(figures.map(|(name, figure)| (name.to_owned(), figure)).into())
 }
 
-/// Scheme D with the blend 1/4.
 const QUARTER: paper::Scheme = paper::Scheme::D { blend: 0.25 };
 
 /// Scheme D with the automatic blend, at a back EMF that is this share of the battery voltage.

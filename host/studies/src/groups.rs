@@ -25,7 +25,6 @@ pub(crate) struct GroupMeasures {
     pub(crate) heading_error_degrees: Option<f64>,
 }
 
-/// Measures of one course.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct CourseMeasures {
     /// Start of the course in seconds.

@@ -164,7 +164,6 @@ pub(crate) struct Change {
     pub(crate) span_s: Range<f64>,
     /// The goal before the change; `None` if the motor was not regulated.
     pub(crate) old: Option<Goal>,
-    /// The goal after the change.
     pub(crate) goal: Goal,
     /// Torque on the output shaft before the change, in N m.
     pub(crate) old_torque: f64,

@@ -61,9 +61,6 @@ pub struct Squares {
 }
 
 /// Drives all squares.
-///
-/// # Errors
-/// If a run does not finish.
 pub fn run() -> Result<[Squares; 5], StudyError> {
     let both = |name, base: DriveBase, gyro, turn| -> Result<Squares, StudyError> {
         Ok(Squares { name, ends: [drive(base, gyro, turn)?, drive(base, gyro, -turn)?] })
@@ -81,9 +78,6 @@ pub fn run() -> Result<[Squares; 5], StudyError> {
 
 /// Drives one square. `turn` is the angle that each turn commands, in degrees to the left. Without a gyro the heading is
 /// from the encoders.
-///
-/// # Errors
-/// If the run does not finish.
 fn drive(base: DriveBase, gyro: Option<GyroErrors>, turn: f64) -> Result<End, StudyError> {
     let acceleration = Acceleration::new(ACCELERATION_CPS2)?;
     let mut courses = Vec::new();

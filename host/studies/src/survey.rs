@@ -106,7 +106,6 @@ impl Knowledge {
         Ok(scenario)
     }
 
-    /// Configures motors.
     fn configure(self, motors: &mut [Motor]) {
         for motor in motors {
             let of = self.of_sibling.then(|| sibling(&motor.constants)).flatten();
@@ -207,9 +206,6 @@ impl Results {
 
 impl Survey {
     /// Draws and runs scenarios. `progress` gets the number of finished scenarios and the number of all scenarios.
-    ///
-    /// # Errors
-    /// If a run fails.
     pub fn new(
         seed: u64,
         scenarios: u64,

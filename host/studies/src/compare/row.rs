@@ -52,15 +52,11 @@ impl Row {
         self.fault || self.response.settling_s.is_none()
     }
 
-    /// The settling time as text.
     pub(super) fn settling(&self) -> String {
         if self.fault { "fault".to_owned() } else { table::seconds(self.response.settling_s) }
     }
 
     /// Runs one task under one variant.
-    ///
-    /// # Errors
-    /// If the run fails.
     pub(super) fn of(task: &Task, variant: Variant, gains: Option<Gains>) -> Result<Self, StudyError> {
         let mut scenario = task.scenario.clone();
         for motor in &mut scenario.motors {

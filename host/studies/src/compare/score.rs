@@ -35,7 +35,6 @@ const NEGLIGIBLE: f64 = 1.0;
 pub(super) struct Winner {
     /// Name of the task in files.
     pub(super) task: &'static str,
-    /// Name of the column.
     pub(super) column: &'static str,
     /// The best variant, and all variants that tie with it; empty if no variant has this measure without a fault.
     pub(super) variants: Vec<Variant>,
@@ -44,7 +43,6 @@ pub(super) struct Winner {
 /// The results of a variant over all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Score {
-    /// The variant.
     pub(super) variant: Variant,
     /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,

@@ -31,9 +31,6 @@ pub(super) struct Task {
 }
 
 /// All tasks. Coefficients are chosen on the first task.
-///
-/// # Errors
-/// If the catalogue lacks the motor.
 pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
     let free = |share: f64| share * FREE_CPS;
     let step = || plan(&[(0.0, free(0.8)), (EVENT_S, free(0.3))], &[]);

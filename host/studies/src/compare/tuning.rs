@@ -82,9 +82,6 @@ impl Tuning {
     }
 
     /// Chooses for each variant the coefficients of [`P`] and [`I`] with the least criterion at a task.
-    ///
-    /// # Errors
-    /// If a run fails.
     pub(super) fn best(task: &Task, step: &mut dyn FnMut()) -> Result<Self, StudyError> {
         let mut gains = vec![None; Variant::ALL.len()];
         for (variant, gains) in Variant::ALL.into_iter().zip(&mut gains) {

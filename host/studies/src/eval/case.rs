@@ -18,7 +18,6 @@ pub(super) struct Case<'a> {
     read: RefCell<BTreeSet<String>>,
 }
 
-/// Keys of a case.
 const KEYS: [&str; 4] = ["id", "formula", "inputs", "outputs"];
 /// Constants of a motor in a document.
 const CONSTANTS: [&str; 8] = ["R", "L", "N", "eta", "Ke", "Kt", "B", "J"];
@@ -53,17 +52,14 @@ impl<'a> Case<'a> {
         Ok(self.input(key)?.as_f64().ok_or_else(|| format!("input {key} must be a number"))?)
     }
 
-    /// Reads a number above 0.
     pub(super) fn positive(&self, key: &str) -> Result<f64, CaseError> {
         above_zero(self.number(key)?, key)
     }
 
-    /// Reads a number of at least 0.
     pub(super) fn not_negative(&self, key: &str) -> Result<f64, CaseError> {
         zero_or_above(self.number(key)?, key)
     }
 
-    /// Reads a whole number from `low` to `high`.
     pub(super) fn whole(&self, key: &str, low: i64, high: i64) -> Result<i64, CaseError> {
         let value = self.number(key)?;
         let is_allowed = value.fract() == 0.0 && (low as f64..=high as f64).contains(&value);
@@ -71,7 +67,6 @@ impl<'a> Case<'a> {
         Ok(allowed(&format!("input {key}"), value, is_allowed, &rule)? as i64)
     }
 
-    /// Reads the blend of scheme D.
     pub(super) fn blend(&self) -> Result<f64, CaseError> {
         let blend = self.number("blend")?;
         allowed("input blend", blend, (0.0..=1.0).contains(&blend), "be 0 (scheme B) to 1 (scheme C)")
@@ -81,12 +76,10 @@ impl<'a> Case<'a> {
         Ok(self.input(key)?.as_str().ok_or_else(|| format!("input {key} must be a text"))?)
     }
 
-    /// True if the case has an input with this key.
     pub(super) fn has(&self, key: &str) -> bool {
         self.input(key).is_ok()
     }
 
-    /// A bridge's mode.
     pub(super) fn mode(&self) -> Result<Mode, CaseError> {
         let name = self.text("mode")?;
         let known = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];

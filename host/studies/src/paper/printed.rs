@@ -11,11 +11,8 @@ use serde::Serialize;
 /// A number that the paper prints.
 #[derive(Serialize)]
 pub(crate) struct Number {
-    /// Section of the paper.
     pub(crate) section: &'static str,
-    /// Name of the quantity.
     pub(crate) name: &'static str,
-    /// The number as printed.
     pub(crate) printed: &'static str,
     /// The number as computed here.
     pub(crate) ours: f64,

@@ -54,7 +54,6 @@ impl RunReport {
     }
 }
 
-/// A table of the expectations with their measurements and verdicts.
 fn expectations(verdicts: &[Verdict]) -> Table {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
@@ -73,7 +72,6 @@ fn expectations(verdicts: &[Verdict]) -> Table {
     table
 }
 
-/// A table of a group's measures in both runs.
 fn of_group(group: &Group, motors: &[Motor], measures: &[GroupMeasures; 2]) -> Table {
     let members = group.motors.iter().filter_map(|motor| motors.get(*motor)).map(|motor| &*motor.label);
     let title = format!("{}: {} in step", group.label, members.collect::<Vec<_>>().join(", "));

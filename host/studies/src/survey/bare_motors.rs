@@ -35,9 +35,6 @@ pub struct BareMotor {
 }
 
 /// Runs all bare motors. `progress` gets the number of finished motors and the number of all motors, in each mode.
-///
-/// # Errors
-/// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, StudyError> {
     let measured = |motor: catalogue::Motor| motor.with_measured_rotor_inertia();
     // With their measured inertia the Core Hex motors take half a minute to start.

@@ -6,9 +6,6 @@ use std::thread;
 
 /// The results of `work` for every item, in the order of the items. The calling thread gives `progress` the number of
 /// items that are done and the number of all items.
-///
-/// # Errors
-/// The first error of `work`.
 pub(super) fn map<T: Sync, R: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<R, StudyError> + Sync,

@@ -94,7 +94,6 @@ impl Random {
         if self.0.bool() { size } else { -size }
     }
 
-    /// A motor and its load.
     fn motor(&mut self) -> (catalogue::Motor, Load) {
         let all: Vec<_> = motors().collect();
         let paper = all.get(self.0.usize(..all.len())).copied().unwrap_or_else(|| unreachable!());

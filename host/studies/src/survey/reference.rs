@@ -37,7 +37,6 @@ pub enum Figure {
     Heading,
 }
 
-/// A task.
 struct Task {
     /// The row of the task, without results.
     row: Row,
@@ -76,7 +75,6 @@ pub struct Row {
 /// The motors of the tasks with slow speeds.
 const CRAWLERS: [&str; 3] = ["AM 60 A", "AM 3.7 A", "Matrix A"];
 
-/// All tasks.
 fn tasks() -> Result<Vec<Task>, StudyError> {
     let flywheel = |speeds: &[(f64, i32)]| plan("AM 20 A", 0.006, velocities(speeds));
     let winch = |speeds: &[(f64, i32)]| plan("AM 60 A", 0.05, velocities(speeds));
@@ -202,9 +200,6 @@ courses = [{courses}]
 
 /// Runs all tasks at all [`PERIODS`], configured exactly and not configured. `progress` gets the number of finished
 /// tasks and the number of all tasks.
-///
-/// # Errors
-/// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     parallel::map(&tasks()?, Task::run, progress)
 }
@@ -214,7 +209,6 @@ fn at_all_periods<T>(run: impl Fn(u32) -> Result<T, StudyError>) -> Result<Vec<T
 }
 
 impl Task {
-    /// The row of the task with its results.
     fn run(&self) -> Result<Row, StudyError> {
         let degrees = |knowledge| at_all_periods(|ms| self.heading_error(knowledge, ms));
         let verdicts = |late_s, knowledge| at_all_periods(|ms| self.worst(late_s, knowledge, ms));

@@ -59,7 +59,6 @@ const CRAWL_CPS: f64 = 60.0;
 /// A motor at one millisecond.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instant {
-    /// The true motion.
     pub(super) point: Point,
     /// The hub's newest report. Before the first control tick it is [`Report::INITIAL`].
     pub(super) report: Report,

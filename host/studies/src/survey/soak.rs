@@ -116,7 +116,6 @@ impl Soak {
         Ok(soak)
     }
 
-    /// Adds a scenario that was run.
     fn add(&mut self, number: u64, (scenario, knowledge): &Case, ticks: usize, motors: Vec<Observed>) {
         self.scenarios += 1;
         self.seconds += scenario.duration_s;
@@ -160,7 +159,6 @@ impl Observed {
     }
 }
 
-/// Runs a scenario without tasks.
 fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
     let observed = |track: &Vec<Instant>| Observed::new(track.iter().map(|at| (at.point.at_s, &at.report)));
     Ok(watch(scenario)?.iter().map(observed).collect())

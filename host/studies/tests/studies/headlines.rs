@@ -8,7 +8,6 @@ use simulated::scenario::Scenario;
 use studies::report::RunReport;
 use studies::survey::{Results, Survey};
 
-/// A motor with a flywheel.
 fn with(motor: &str) -> Scenario {
     let text = format!(
         "name = \"one\"\nduration_s = 3.0\nbattery = {{ emf_v = 12.6, resistance_ohm = 0.05 }}\n\
