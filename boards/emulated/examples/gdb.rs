@@ -14,21 +14,19 @@
 use std::time::Duration;
 
 use emulated::{Bench, Mounting, Setup};
-use motor_hub::model::catalogue::find;
+use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::switching::Bridge;
 
 fn main() {
-    let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
+    let motor = characterised("AM 60 A").expect("in the catalogue");
     let motor = motor.with_measured_rotor_inertia();
     let mounting = Mounting { motor, load: Load::NONE, bridge: Bridge::IDEAL, stops: None };
     println!("waiting for GDB on localhost:3333");
     let mut bench = Bench::new(Setup { gdb: Some(3333), ..Setup::new(vec![mounting; 4]) });
     bench.run(Duration::from_millis(300));
     bench.press(true);
-    for _ in 0..97 {
-        bench.run(Duration::from_millis(100));
-    }
+    bench.run(Duration::from_millis(9_700));
     for line in bench.log() {
         println!("{line}");
     }

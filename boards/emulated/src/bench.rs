@@ -67,7 +67,6 @@ pub struct Setup {
 
 impl Setup {
     /// Creates a bench of the default board with these motors, and a 12 V battery of 50 mohm.
-    #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
         Self {
@@ -95,7 +94,8 @@ type Stopped = Box<dyn std::error::Error + Send + Sync>;
 /// two threads are slow. Therefore only a method with a result waits until its command has been carried out.
 ///
 /// # Panics
-/// All methods panic if the emulator has stopped. The message has the emulator's reason.
+/// All methods panic if the emulator has stopped; the message has the emulator's reason. They also panic if chip or image lack
+/// what a test names: a register, a symbol, a task, a device.
 pub struct Bench {
     commands: Sender<BenchTask>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
@@ -113,7 +113,6 @@ pub struct Bench {
 
 impl Bench {
     /// Powers on the hub's firmware.
-    #[must_use]
     pub fn new(setup: Setup) -> Self {
         let image = if setup.bootloader {
             elf::build(setup.board.name(), Variant::InSlot)
@@ -124,7 +123,6 @@ impl Bench {
     }
 
     /// Powers on another image on the board of `setup`.
-    #[must_use]
     pub fn with_image(setup: Setup, image: &Path) -> Self {
         let bytes = std::fs::read(image).unwrap_or_else(|error| panic!("{}: {error}", image.display()));
         let table = Table::parse(&bytes).expect("the image's log strings are readable");
@@ -163,11 +161,10 @@ impl Bench {
 
     /// Panics with the reason for which the emulator's thread has ended.
     fn fail(&mut self) -> ! {
-        match self.thread.take().map(JoinHandle::join) {
-            Some(Ok(Err(reason))) => panic!("the emulator stopped: {reason}"),
-            Some(Err(panic)) => std::panic::resume_unwind(panic),
-            _ => panic!("the emulator stopped"),
+        if let Some(thread) = self.thread.take() {
+            join(thread);
         }
+        panic!("the emulator stopped")
     }
 
     /// Runs a function on the emulator's thread at the present virtual time, and returns meanwhile. The result will be in the
@@ -233,13 +230,11 @@ impl Bench {
     }
 
     /// Returns the virtual time since power-on.
-    #[must_use]
     pub const fn now(&self) -> Duration {
         Duration::from_nanos(self.now)
     }
 
     /// Returns the number of motors.
-    #[must_use]
     pub const fn motors(&self) -> usize {
         self.motors
     }
@@ -275,9 +270,6 @@ impl Bench {
     }
 
     /// Returns the log so far.
-    ///
-    /// # Panics
-    /// Panics if the image has no log.
     pub fn log(&mut self) -> Vec<LogLine> {
         let taken = self.at_stop(|surroundings, _, _| surroundings.rtt.taken.clone());
         rtt::decode(self.table.as_ref().expect("the image logs"), &taken)
@@ -340,9 +332,6 @@ impl Bench {
 
     /// Asserts that the emulator had no gap, that no transition of a bridge was illegal, and that the time stamp of the
     /// first log line is below 2 us.
-    ///
-    /// # Panics
-    /// Panics if one of these conditions does not hold.
     pub fn assert_sound(&mut self) {
         let gaps = self.gaps();
         assert!(gaps.is_empty(), "the emulator has gaps:\n{}", gaps.join("\n"));
@@ -359,16 +348,20 @@ impl Drop for Bench {
     fn drop(&mut self) {
         // Without the sender of its commands the emulator's thread ends.
         self.commands = channel().0;
-        if let Some(thread) = self.thread.take() {
-            let result = thread.join();
-            if !std::thread::panicking() {
-                match result {
-                    Ok(Ok(())) => {}
-                    Ok(Err(reason)) => panic!("the emulator stopped: {reason}"),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
+        match self.thread.take() {
+            Some(thread) if std::thread::panicking() => drop(thread.join()),
+            Some(thread) => join(thread),
+            None => {}
         }
+    }
+}
+
+/// Waits for the end of the emulator's thread. Panics with the reason if the thread has stopped early.
+fn join(thread: JoinHandle<Result<(), Stopped>>) {
+    match thread.join() {
+        Ok(Ok(())) => {}
+        Ok(Err(reason)) => panic!("the emulator stopped: {reason}"),
+        Err(panic) => std::panic::resume_unwind(panic),
     }
 }
 

@@ -27,7 +27,6 @@ impl Board {
     pub const ALL: [Self; 2] = [Self::NucleoF429zi, Self::NucleoH743zi2];
 
     /// Returns the name of the board's package, which is also the name of its image.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::NucleoF429zi => "nucleo-f429zi",
@@ -36,7 +35,6 @@ impl Board {
     }
 
     /// Returns the name of the emulated chip.
-    #[must_use]
     pub const fn chip(self) -> &'static str {
         match self {
             Self::NucleoF429zi => "STM32F427",
@@ -45,7 +43,6 @@ impl Board {
     }
 
     /// Returns the core's clock in Hz, as the firmware sets it. The emulated core executes one instruction in each cycle.
-    #[must_use]
     pub const fn core_hz(self) -> u64 {
         match self {
             Self::NucleoF429zi => 168_000_000,
@@ -55,7 +52,6 @@ impl Board {
 
     /// Returns the addresses of the RAM with the image's stack and statics. Its last 4 kB are the record of faults, which no start-up
     /// code clears.
-    #[must_use]
     pub const fn ram(self) -> Range<u64> {
         match self {
             Self::NucleoF429zi => 0x2000_0000..0x2003_0000,
@@ -64,13 +60,11 @@ impl Board {
     }
 
     /// Returns the addresses of the flash.
-    #[must_use]
     pub const fn flash(self) -> Range<u64> {
         0x0800_0000..0x0820_0000
     }
 
     /// Returns the addresses of the two pages of flash in which settings are stored.
-    #[must_use]
     pub const fn store(self) -> Range<u64> {
         match self {
             Self::NucleoF429zi => 0x0810_0000..0x0810_8000,
@@ -79,7 +73,6 @@ impl Board {
     }
 
     /// Returns the package of the board's bootloader. `None` if the board has no bootloader.
-    #[must_use]
     pub const fn bootloader(self) -> Option<&'static str> {
         match self {
             Self::NucleoF429zi => None,

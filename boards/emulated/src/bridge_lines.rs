@@ -26,7 +26,6 @@ impl Lines {
 
     /// Returns the bridge's state while the PWM line is high or low, by the truth table in the data sheet (VNH5019A-E, Doc ID
     /// 15701). A low PWM line opens both low-side switches.
-    #[must_use]
     pub const fn state(self, high: bool) -> State {
         match (self.ina, self.inb, high) {
             (true, false, true) => State::DriveCw,

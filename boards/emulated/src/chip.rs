@@ -282,7 +282,6 @@ impl Nucleo {
         }
     }
 
-    /// Returns modes and output levels of a port.
     pub(crate) fn port(&mut self, port: usize) -> Port {
         Port::read(&mut *self.chip, self.board, port)
     }

@@ -35,10 +35,6 @@ pub enum Variant<'a> {
 }
 
 /// Builds the image of a package, and returns its ELF file. Cargo builds nothing if the image is up to date.
-///
-/// # Panics
-/// Panics if the package does not build.
-#[must_use]
 pub fn build(package: &str, variant: Variant<'_>) -> PathBuf {
     let (image, options, variable) = match variant {
         Variant::Usual => (package.to_owned(), None, None),
@@ -150,7 +146,6 @@ fn in_the_sources() -> Result<(), ImageError> {
 
 /// Returns the image of a board's firmware: the image that [`choose`] or `MOTOR_HUB_ELF` names, otherwise one that is built from
 /// the sources.
-#[must_use]
 pub fn hub(board: Board) -> PathBuf {
     static BUILT: [OnceLock<PathBuf>; Board::ALL.len()] = [const { OnceLock::new() }; Board::ALL.len()];
     let named = || CHOSEN.get().cloned().or_else(|| std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from));
@@ -171,10 +166,6 @@ pub struct Symbol {
 }
 
 /// Returns all symbols that have a size, in the order of their addresses.
-///
-/// # Panics
-/// Panics if the file is no ELF file.
-#[must_use]
 pub fn symbols(elf: &[u8]) -> Vec<Symbol> {
     let file = object::File::parse(elf).expect("an ELF file");
     let mut symbols: Vec<Symbol> = file

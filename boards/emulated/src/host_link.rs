@@ -57,6 +57,9 @@ pub struct Arrival {
 pub(crate) const BYTE: Duration = Duration::from_nanos(21_701);
 
 /// The host's end of the line.
+///
+/// # Panics
+/// Methods that wait for an answer panic if no answer arrives within 100 ms, or another answer than they need.
 #[derive(Debug)]
 pub struct HostLink {
     address: u8,
@@ -80,9 +83,6 @@ impl HostLink {
     }
 
     /// Returns the bytes of the next packet. The payload may have any content.
-    ///
-    /// # Panics
-    /// Panics if the payload is too long for a packet.
     pub fn packet(&mut self, id: u16, payload: &[u8]) -> Vec<u8> {
         self.message = self.message.checked_add(1).unwrap_or(1);
         let payload = payload.try_into().expect("a short payload");
@@ -141,18 +141,12 @@ impl HostLink {
     }
 
     /// Sends a request, and waits for the answer.
-    ///
-    /// # Panics
-    /// Panics if no answer arrives within 100 ms.
     pub fn request(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Reply {
         let request = request.into();
         self.request_raw(line, request.id(), &request.payload())
     }
 
     /// Sends a request whose payload may have any content, and waits for the answer.
-    ///
-    /// # Panics
-    /// Panics if no answer arrives within 100 ms.
     pub fn request_raw(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
         let request = format!("request {id:#06x} {payload:02x?} to address {}", self.address);
         let sent = self.send_raw(line, id, payload);
@@ -161,9 +155,6 @@ impl HostLink {
     }
 
     /// Sends a request that the hub must acknowledge.
-    ///
-    /// # Panics
-    /// Panics if the hub refuses the request or does not answer.
     pub fn command(&mut self, line: &mut impl Line, request: impl Into<Request>) {
         let request = request.into();
         let reply = self.request(line, request.clone());
@@ -171,9 +162,6 @@ impl HostLink {
     }
 
     /// Sends a request that the hub must answer with data.
-    ///
-    /// # Panics
-    /// Panics if the hub refuses the request or does not answer.
     pub fn read<A: Field>(&mut self, line: &mut impl Line, request: impl Into<Request>) -> A {
         let request = request.into();
         let reply = self.request(line, request.clone());

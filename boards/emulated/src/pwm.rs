@@ -4,7 +4,6 @@
 //! a constant level or a number of high ticks in each period. Section numbers are those of RM0090. The timer of the
 //! STM32H743 (RM0433, chapter 38) works in the same way.
 
-/// Channels of the timer.
 pub(crate) const CHANNELS: usize = 4;
 
 const NANOS: u128 = 1_000_000_000;

@@ -6,7 +6,6 @@ use rigless::snapshot::Store;
 use simulated::bno055::Bno055;
 use simulated::i2c::{ByteMemory, IMU_ADDRESS};
 
-/// What a device is.
 #[derive(Debug)]
 enum Kind {
     Memory(Box<ByteMemory>),
@@ -30,13 +29,11 @@ impl RegisterDevice {
     }
 
     /// Creates a device with these registers.
-    #[must_use]
     pub fn new(registers: [u8; 256]) -> Self {
         Self::of(Kind::Memory(Box::new(ByteMemory::new(registers))))
     }
 
     /// Creates a BNO055 that has been on for a second, and does not turn.
-    #[must_use]
     pub fn bno055() -> Self {
         let mut sensor = Bno055::default();
         sensor.run(1.0, 0.0, 0.0);
@@ -44,7 +41,6 @@ impl RegisterDevice {
     }
 
     /// Returns the content of a register, or 0 for a BNO055.
-    #[must_use]
     pub fn register(&self, number: u8) -> u8 {
         match &self.kind {
             Kind::Memory(memory) => memory.byte(number),

@@ -22,7 +22,6 @@ pub struct SerialByte {
 pub(crate) struct Terminal {
     /// Bytes to send. The line takes them no faster than its baud rate.
     pub(crate) outgoing: VecDeque<u8>,
-    /// Received bytes.
     pub(crate) incoming: Vec<SerialByte>,
 }
 

@@ -3,7 +3,7 @@
 //! ```no_run
 //! use emulated::{Board, serve};
 //! let line = simulated::serve::tcp("127.0.0.1:7070")?;
-//! serve::run(&serve::scenario()?, Board::NucleoF429zi, false, line, &mut |_| true)?;
+//! serve::run(&serve::scenario(), Board::NucleoF429zi, false, line, &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use motor_hub::model::catalogue::characterised;
 use motor_hub::protocol::requests::Standard;
-use simulated::scenario::{Scenario, ScenarioError};
+use simulated::scenario::Scenario;
 use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
 
 use crate::board::Board;
@@ -34,16 +34,14 @@ const PAUSE: Duration = Duration::from_micros(100);
 const LONGEST: usize = 192;
 
 /// Returns the scenario that is served by default, with the motors that the image is set up for.
-///
-/// # Errors
-/// The function always returns `Ok`. A test checks this.
-pub fn scenario() -> Result<Scenario, ScenarioError> {
+#[must_use]
+pub fn scenario() -> Scenario {
     let mut scenario = Scenario::to_serve();
     if let Ok(motor) = characterised("AM 60 A") {
         let motor = motor.with_measured_rotor_inertia();
         scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));
     }
-    Ok(scenario)
+    scenario
 }
 
 /// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves the

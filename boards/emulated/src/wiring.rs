@@ -5,7 +5,6 @@
 
 use crate::board::Board;
 
-/// Number of bridges.
 pub(crate) const BRIDGES: usize = 4;
 
 /// Address of TIM1, which makes the PWM.

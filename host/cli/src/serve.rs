@@ -17,7 +17,7 @@ use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
 use notices::Notices;
 use signal_hook::flag::register;
-use simulated::scenario::{Scenario, ScenarioError};
+use simulated::scenario::Scenario;
 use simulated::serve::{self, Hubs, Line, LineError, Memory, Moment};
 #[cfg(unix)]
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -98,10 +98,9 @@ impl Options {
         }
         let hubs = self.hubs()?;
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-        self.serve(
-            || Ok(Scenario::to_serve()),
-            |scenario, line, show| serve::run(scenario, &hubs, line, memory, &mut |_| (), show),
-        )
+        self.serve(Scenario::to_serve, |scenario, line, show| {
+            serve::run(scenario, &hubs, line, memory, &mut |_| (), show)
+        })
     }
 
     fn hubs(&self) -> Result<Hubs, Failure> {
@@ -145,14 +144,14 @@ impl Options {
     /// Serves the hub, and prints the place of the hub once the hub has started.
     fn serve<E: std::error::Error>(
         &self,
-        default: impl FnOnce() -> Result<Scenario, ScenarioError>,
+        default: fn() -> Scenario,
         run: impl FnOnce(&Scenario, Box<dyn Line>, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<(), E>,
     ) -> Result<(), Failure> {
         let scenario = match &self.scenario {
-            Some(file) => Scenario::load_for_a_host(file),
+            Some(file) => Scenario::load_for_a_host(file).map_err(Failure::input)?,
             None => default(),
         };
-        let scenario = Scenario { wire: self.wire, ..scenario.map_err(Failure::input)? };
+        let scenario = Scenario { wire: self.wire, ..scenario };
         let line = match &self.tcp {
             Some(address) => serve::tcp(address).map_err(Failure::input)?,
             None => serve::pty().map_err(no_pty)?,

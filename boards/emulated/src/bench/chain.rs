@@ -54,7 +54,6 @@ pub struct ChainBench {
 
 impl ChainBench {
     /// Powers on hubs on these boards, with their motors. A hub alone has a transceiver only if its setup has one.
-    #[must_use]
     pub fn new(setups: Vec<Setup>) -> Self {
         let chained = setups.len() > 1;
         let mut hubs: Vec<Bench> = setups
@@ -76,7 +75,6 @@ impl ChainBench {
     }
 
     /// Returns the virtual time since power-on.
-    #[must_use]
     pub fn now(&self) -> Duration {
         self.hubs.first().map_or(Duration::ZERO, Bench::now)
     }

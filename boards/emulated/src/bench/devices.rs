@@ -46,9 +46,6 @@ impl Bench {
     }
 
     /// Runs a function with the device of an I2C bus that has the number `nth`.
-    ///
-    /// # Panics
-    /// Panics if the bus has no device with this number.
     pub fn device<T: Send + 'static>(
         &mut self,
         bus: usize,

@@ -41,8 +41,7 @@ impl Bench {
 
     /// Makes the running or the next conversion of a converter take longer by this time. ADC2 (`number` 2) measures the currents, and
     /// ADC3 the reference and the analog inputs.
-    /// Panics on another chip than the H743. A converter of the F427 has a data register for each current, so a late conversion
-    /// has no effect.
+    /// A converter of the F427 has a data register for each current, so a late conversion has no effect.
     pub fn delay_conversion(&mut self, number: usize, time: Duration) {
         self.on_h743(move |chip, _| chip.converters[number - 1].next_is_late_by = Some(nanos(time)));
     }
@@ -102,19 +101,16 @@ impl Bench {
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
-    /// Panics on another chip than the H743.
     pub fn set_revision(&mut self, revision: u16) {
         self.on_h743(move |chip, now| chip.set_revision(VirtualNanos(now), revision));
     }
 
     /// Sets the faults of the flash from now on.
-    /// Panics on another chip than the H743.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
         self.on_h743(move |chip, _| chip.flash.faults = faults);
     }
 
     /// Makes the flash stay busy until the chip is reset.
-    /// Panics on another chip than the H743.
     pub fn hold_flash(&mut self) {
         self.on_h743(|chip, _| chip.flash.never_ends = true);
     }
@@ -150,9 +146,6 @@ impl Bench {
     }
 
     /// Makes a task run faulty code when it is next polled: changes the address of the task's function in the executor's memory.
-    ///
-    /// # Panics
-    /// Panics if the image has no task with this name.
     pub fn divert(&mut self, task: &str, code: FaultyCode) {
         let pool = self.address(&format!("::{task}::POOL"));
         let pool = self.symbols.iter().find(|symbol| symbol.address == pool).expect("a symbol").clone();

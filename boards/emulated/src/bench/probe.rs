@@ -15,9 +15,6 @@ use crate::elf;
 
 impl Bench {
     /// Returns the content of a peripheral's register at this address.
-    ///
-    /// # Panics
-    /// Panics if there is no register at this address.
     pub fn register(&mut self, address: u64) -> u32 {
         self.at_stop(move |surroundings, session, _| {
             let value = session.mcu().read(VirtualNanos(surroundings.now), address, Width::W32);
@@ -26,9 +23,6 @@ impl Bench {
     }
 
     /// Writes a peripheral's register at this address, as a disturbance of the chip may do.
-    ///
-    /// # Panics
-    /// Panics if there is no register at this address.
     pub fn write_register(&mut self, address: u64, value: u32) {
         self.at_stop(move |surroundings, session, _| {
             let at = VirtualNanos(surroundings.now);
@@ -47,16 +41,11 @@ impl Bench {
     }
 
     /// Returns the address of the only symbol with this name; see [`elf::find`].
-    ///
-    /// # Panics
-    /// Panics if no symbol has this name, or several have it.
-    #[must_use]
     pub fn address(&self, name: &str) -> u64 {
         elf::find(&self.symbols, name).unwrap_or_else(|| panic!("no symbol, or several: {name}"))
     }
 
     /// Returns the image's symbols in the order of their addresses.
-    #[must_use]
     pub fn symbols(&self) -> &[elf::Symbol] {
         &self.symbols
     }

@@ -43,10 +43,8 @@ const DETECTOR_INTERRUPT: usize = 0;
 /// ADC1_IN12 is PC2, to which nothing is connected: number of the port, number of the pin, channel.
 const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
 
-/// The board that has this chip.
 const BOARD: Board = Board::NucleoF429zi;
 
-/// The microcontroller.
 #[derive(Debug)]
 pub(super) struct Chip {
     part: Stm32f427,

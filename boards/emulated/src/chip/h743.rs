@@ -60,10 +60,8 @@ const DEVICE: u64 = 0x450;
 /// registers.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 
-/// The board that has this chip.
 const BOARD: Board = Board::NucleoH743zi2;
 
-/// The microcontroller.
 #[derive(Debug)]
 pub(crate) struct Chip {
     part: Stm32h743,

@@ -13,7 +13,6 @@ use rigless::time::EventId;
 
 use super::RAIL_MV;
 
-/// Full scale of 12 bits.
 const FULL_SCALE: u64 = 0xFFF;
 
 /// The data registers of both groups.

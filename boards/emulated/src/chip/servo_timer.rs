@@ -65,7 +65,6 @@ pub(super) struct ServoTimer<B> {
     used: [u64; 3],
     /// Time at which the present period began, ns.
     frame: u64,
-    /// The timer's next event.
     next: Option<EventId>,
     /// True if the pin falls at the next event; otherwise a period ends.
     falls: bool,

@@ -11,7 +11,6 @@ use emulated::host_link::HostLink;
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::motor::Settings;
-use motor_hub::units::Period;
 
 #[test]
 pub(crate) fn bridges_stay_open_from_power_on_without_a_command() {
@@ -59,7 +58,7 @@ pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
         let settings = Settings::new(Winding::NEVEREST_60);
-        let settings = configuration.apply(settings, mounting, Period::DEFAULT);
+        let settings = configuration.apply(settings, mounting);
         let groups =
             [settings.dynamics.map(|_| Group::Motion), settings.coefficients.map(|_| Group::VelocityLoop)];
         for group in groups.into_iter().flatten() {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, FlashFaults, Lines, Mounting, Setup, Transition};
 use motor_hub::group::{BaseSettings, DriveBase};
-use motor_hub::model::catalogue::find;
+use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
 use motor_hub::model::switching::Bridge;
@@ -52,7 +52,7 @@ const BRIDGE: Bridge = Bridge::lossy(Volts(0.6), Ohms(0.009));
 
 /// Returns the gear motor with this load. The default settings of the firmware are for this motor.
 pub(crate) fn am60_with(load: Load) -> Mounting {
-    let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
+    let motor = characterised("AM 60 A").expect("in the catalogue");
     Mounting { motor: motor.with_measured_rotor_inertia(), load, bridge: BRIDGE, stops: None }
 }
 
@@ -156,7 +156,6 @@ pub(crate) fn by_board<T>(f429zi: T, h743zi2: T) -> T {
     }
 }
 
-/// Returns the board that is not the board of the test.
 pub(crate) fn other_board() -> Board {
     by_board(Board::NucleoH743zi2, Board::NucleoF429zi)
 }
@@ -196,7 +195,6 @@ pub(crate) fn expect_motor(bench: &mut Bench, motor: usize, speed: f64, toleranc
     assert!((found - speed).abs() < tolerance, "motor {motor} turns at {found} instead of {speed} counts/s");
 }
 
-/// Returns the log as text.
 pub(crate) fn log(bench: &mut Bench) -> String {
     bench.log().iter().map(|line| format!("{} {line}\n", line.boot)).collect()
 }

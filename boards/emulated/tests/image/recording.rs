@@ -32,7 +32,6 @@ pub(crate) enum Configuration {
 impl Configuration {
     pub(crate) const ALL: [Self; 3] = [Self::Configured, Self::Unknown, Self::Coefficients];
 
-    /// Returns the name in tables.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Configured => "configured",
@@ -42,7 +41,7 @@ impl Configuration {
     }
 
     /// Returns settings with what is configured of this motor with its load.
-    pub(crate) fn apply(self, settings: Settings, mounting: &Mounting, period: Period) -> Settings {
+    pub(crate) fn apply(self, settings: Settings, mounting: &Mounting) -> Settings {
         match self {
             Self::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)), ..settings },
             Self::Unknown => settings,
@@ -97,7 +96,7 @@ impl Recording {
         let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect("a motor's constants");
         let winding = Winding { emf, ..Winding::NEVEREST_60 };
         let settings = Settings { duty: variant.rule, ..Settings::new(winding) };
-        let settings = variant.configuration.apply(settings, &mounting, period);
+        let settings = variant.configuration.apply(settings, &mounting);
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);
@@ -144,7 +143,6 @@ impl Recording {
     }
 }
 
-/// Returns the words of a set-point.
 fn words(setpoint: Setpoint) -> [u32; 4] {
     match setpoint {
         Setpoint::Velocity(target) => [2, target.to_bits().cast_unsigned(), 0, 0],
