@@ -125,7 +125,7 @@ impl Bno055 {
         let drift_rad_s = drift_degrees_per_min.to_radians() / 60.0;
         self.turned_rad = turned_rad * (1.0 + scale_error) + drift_rad_s * self.now_s;
         self.rate_rad_s = rate_rad_s * (1.0 + scale_error) + drift_rad_s;
-        let requested = self.requested_mode();
+        let requested = self.stored[0][usize::from(register::MODE)];
         if requested != self.mode && self.now_s >= self.mode_at_s {
             self.mode = requested;
             self.start_rad = self.turned_rad;
@@ -163,10 +163,6 @@ impl Bno055 {
             *byte = self.contents(self.next, &measured);
             self.next = (self.next + 1) & 0x7F;
         }
-    }
-
-    fn requested_mode(&self) -> u8 {
-        self.stored[0][usize::from(register::MODE)] & 0x0F
     }
 
     fn store(&mut self, register: u8, byte: u8) {

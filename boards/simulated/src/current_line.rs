@@ -30,7 +30,6 @@ pub enum CurrentLine {
 
 impl CurrentLine {
     /// Returns the voltage of the line behind its filter, at a current of the bridge in amperes; `None` without a line.
-    #[must_use]
     pub fn volts(self, amperes: f64) -> Option<f64> {
         match self {
             Self::Absent => None,

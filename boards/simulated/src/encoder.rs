@@ -78,7 +78,6 @@ pub enum Encoder {
 
 impl Encoder {
     /// Returns the levels of the wires at a count of the shaft. The `disturbed` wire has no contact, or a glitch.
-    #[must_use]
     pub fn levels(self, count: i64, disturbed: Option<Wire>) -> Levels {
         // The levels of ascending counts are 00, 10, 11, 01.
         let phase = count.rem_euclid(SLOT);
@@ -100,7 +99,6 @@ impl Encoder {
     }
 
     /// Returns random disturbances of the wires, from a time in nanoseconds on.
-    #[must_use]
     pub fn disturbances(self, seed: u64) -> Disturbances {
         Disturbances { encoder: self, random: fastrand::Rng::with_seed(seed), disturbed: None, at_ns: 0 }
     }

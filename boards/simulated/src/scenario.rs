@@ -36,9 +36,6 @@ const SERVED_FRICTION_PERCENT: f64 = 6.0;
 /// speed decays with a time constant of 5 s, with a load or without.
 const SERVED_FAN: &str = "NeveRest 20";
 
-/// File name and text of the default scenario.
-const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
-
 impl Scenario {
     /// Reads the text of a scenario. Errors have the file name `file`.
     ///
@@ -69,7 +66,6 @@ impl Scenario {
     /// NeveRest 20 drives the fan.
     ///
     /// The scenario is not read from a file, so that a program that only serves it holds no parser of scenario files.
-    #[must_use]
     pub fn to_serve() -> Self {
         let constants = |name: &str| characterised(name).map(catalogue::Motor::with_measured_rotor_inertia);
         let served = |(label, name, inertia, drag): (&str, &str, f64, f64)| {
@@ -98,8 +94,7 @@ impl Scenario {
     /// # Errors
     /// None: a test checks that the scenario is valid.
     pub fn default_one() -> Result<Self, ScenarioError> {
-        let (file, text) = DEFAULT;
-        Self::parse(file, text)
+        Self::parse("scenarios/default.toml", include_str!("../scenarios/default.toml"))
     }
 }
 

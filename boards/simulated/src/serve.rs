@@ -120,7 +120,6 @@ pub struct Hubs {
 
 impl Hubs {
     /// The hubs with these addresses, a chain if there are several. The first hub has the line to the host.
-    #[must_use]
     pub fn chain(addresses: Vec<Address>) -> Self {
         let line = ChainLine::new(addresses.len());
         Self { addresses, line }

@@ -42,7 +42,6 @@ impl Visitor<'_> for Limits {
 }
 
 /// A number as text, with an exponent if the number has many digits.
-#[must_use]
 pub fn number_text(value: f64) -> String {
     let text = value.to_string();
     if text.len() > LONGEST_TEXT { format!("{value:e}") } else { text }

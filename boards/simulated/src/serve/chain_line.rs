@@ -43,7 +43,6 @@ pub(super) struct ChainEnd {
 
 impl ChainLine {
     /// A line of this number of hubs.
-    #[must_use]
     pub fn new(hubs: usize) -> Self {
         Self(Rc::new(RefCell::new(Shared { incoming: vec![VecDeque::new(); hubs], ..Shared::default() })))
     }

@@ -75,7 +75,6 @@ pub fn tcp(address: &str) -> Result<Box<dyn Line>, LineError> {
 }
 
 /// Creates a line within this process, and the host's end of it. The host counts as connected all the time.
-#[must_use]
 pub fn within_process() -> (Box<dyn Line>, Wire) {
     let ((to_hub, from_host), (to_host, from_hub)) = (channel(), channel());
     let hub = Wire { incoming: from_host, outgoing: to_host };
