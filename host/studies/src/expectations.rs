@@ -179,7 +179,6 @@ impl Verdict {
     }
 
     /// The verdict as JSON. `expected` is the key of a quantity in scenario files, which ends with the unit.
-    #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let Expectation { window_s, expected, .. } = &self.expectation;
         let (expected, wanted) = match *expected {

@@ -218,9 +218,13 @@ fn requested(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
     volts / (motor.r.0 + 2.0 * BRIDGE.ron.0)
 }
 
-fn worst(motor: &Motor, scheme: Scheme, emf: f64, data: &[(f64, f64)]) -> f64 {
-    let error = |&(control, current): &(f64, f64)| (current - requested(motor, scheme, emf, control)).abs();
-    100.0 * data.iter().map(error).fold(0.0, f64::max) / (BATTERY / motor.r.0)
+/// Deviation of a control value's current from the requested current, in percent of Vbat/R.
+fn deviation(motor: &Motor, scheme: Scheme, emf: f64, (control, current): (f64, f64)) -> f64 {
+    100.0 * (current - requested(motor, scheme, emf, control)) / (BATTERY / motor.r.0)
+}
+
+fn worst(deviations: impl Iterator<Item = f64>) -> f64 {
+    deviations.map(f64::abs).fold(0.0, f64::max)
 }
 
 fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
@@ -233,7 +237,7 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
         let mut series = vec![Series { style: Style::Dashed, ..straight }];
         for (rule_name, colour, rule) in RULES {
             let data = measured(motor, scheme, rule, emf, hertz)?;
-            let worst = worst(motor, scheme, emf, &data);
+            let worst = worst(data.iter().map(|&at| deviation(motor, scheme, emf, at)));
             series.push(line(&format!("{rule_name}: {worst:.1} % off"), colour, data));
         }
         panels.push(Panel::new(format!("mean motor current, A: scheme {name}"), 320.0, series));
@@ -259,13 +263,10 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
         let mut series = Vec::new();
         for (name, colour, rule) in RULES {
             let data = measured(motor, Scheme::B, rule, emf, hertz)?;
-            let worst = worst(motor, Scheme::B, emf, &data);
-            let off = |(control, current): (f64, f64)| {
-                let error = current - requested(motor, Scheme::B, emf, control);
-                (control, 100.0 * error / (BATTERY / motor.r.0))
-            };
-            let name = format!("{name}: {worst:.1} %");
-            series.push(line(&name, colour, data.into_iter().map(off).collect()));
+            let off: Vec<_> =
+                data.into_iter().map(|at| (at.0, deviation(motor, Scheme::B, emf, at))).collect();
+            let worst = worst(off.iter().map(|(_, deviation)| *deviation));
+            series.push(line(&format!("{name}: {worst:.1} %"), colour, off));
         }
         let label = format!("deviation from the line, % of Vbat/R, at {:.0} kHz", hertz / 1e3);
         panels.push(Panel { y_range: Some((-30.0, 30.0)), ..Panel::new(label, 220.0, series) });

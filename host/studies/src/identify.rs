@@ -81,7 +81,6 @@ impl Identifications {
     }
 
     /// A table for each motor.
-    #[must_use]
     pub fn tables(&self) -> String {
         let mut out = String::new();
         for (motor, truth, outcome) in self.motors() {
@@ -98,7 +97,6 @@ impl Identifications {
     }
 
     /// The results as JSON, for programs.
-    #[must_use]
     pub fn json(&self) -> Value {
         let motor = |(motor, truth, outcome): (&Motor, &Dynamics, Identification)| {
             let named =
@@ -110,7 +108,6 @@ impl Identifications {
     }
 
     /// A chart of the measured counts, and of the counts that the identified constants predict from the voltages.
-    #[must_use]
     pub fn figure(&self) -> Figure {
         let panels = self.outcomes().enumerate().map(|(index, outcome)| self.panel(index, outcome));
         Figure {
@@ -176,7 +173,6 @@ fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics
 
 /// A table of the identified constants with their standard errors. `beside` has the name and the values of other
 /// constants, such as the true ones.
-#[must_use]
 pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynamics)>) -> Table {
     let mut headings = vec![title, "found", "error"];
     headings.extend(beside.into_iter().flat_map(|(name, _)| [name, "off by"]));
@@ -214,7 +210,6 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
 }
 
 /// The outcome in words, without numbers.
-#[must_use]
 pub fn words(outcome: Identification) -> String {
     match outcome {
         Identification::None => "not identified".into(),
@@ -233,7 +228,6 @@ fn dynamics(of: &Dynamics) -> Value {
 }
 
 /// The outcome as JSON.
-#[must_use]
 pub fn json(outcome: Identification) -> Value {
     let Identification::Found(found) = outcome else {
         return json!({ "outcome": words(outcome) });

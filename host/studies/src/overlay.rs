@@ -42,7 +42,6 @@ pub struct Apart {
 
 impl Overlay {
     /// Compares the traces of a scenario's two runs, the first on this emulated chip.
-    #[must_use]
     pub const fn new(scenario: Scenario, chip: &'static str, emulated: Trace, simulated: Trace) -> Self {
         Self { scenario, chip, emulated, simulated }
     }
@@ -74,7 +73,6 @@ impl Overlay {
     }
 
     /// The measures of both runs as tables, with their differences.
-    #[must_use]
     pub fn tables(&self) -> String {
         let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
         for (index, (motor, apart)) in self.scenario.motors.iter().zip(self.apart()).enumerate() {
@@ -90,7 +88,6 @@ impl Overlay {
     }
 
     /// A chart with speed and duty of every motor in both runs.
-    #[must_use]
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();
         for (index, motor) in self.scenario.motors.iter().enumerate() {

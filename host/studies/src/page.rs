@@ -30,7 +30,6 @@ enum Part {
 
 impl Page {
     /// A page that begins with the result in a sentence.
-    #[must_use]
     pub fn new(headline: impl Into<String>) -> Self {
         Self { parts: vec![Part::Text(headline.into())] }
     }
@@ -57,7 +56,6 @@ impl Page {
     }
 
     /// The page for a terminal, no wider than the terminal.
-    #[must_use]
     pub fn terminal(&self) -> String {
         let mut out = String::new();
         for part in &self.parts {
@@ -77,7 +75,6 @@ impl Page {
     }
 
     /// The page as GitHub Markdown.
-    #[must_use]
     pub fn markdown(&self) -> String {
         let part = |part: &Part| match part {
             Part::Heading(text) => format!("## {text}\n"),

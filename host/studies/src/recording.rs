@@ -51,7 +51,6 @@ pub struct Recording {
 
 impl Recording {
     /// An empty recording of motors with this set-point. Its charts have this subtitle.
-    #[must_use]
     pub fn new(subtitle: &str, setpoint: ReportedSetpoint) -> Self {
         Self { subtitle: subtitle.to_owned(), setpoint, samples: Vec::new() }
     }
@@ -80,7 +79,6 @@ impl Recording {
     }
 
     /// A chart of each motor with the panels of a simulated run. Values that the hub does not report have no panel.
-    #[must_use]
     pub fn figures(&self) -> Vec<NamedFigure> {
         let mut motors: Vec<u8> = self.samples.iter().map(|sample| sample.motor).collect();
         motors.sort_unstable();

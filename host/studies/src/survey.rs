@@ -192,7 +192,6 @@ pub struct Results {
 
 impl Results {
     /// A chart of every part.
-    #[must_use]
     pub fn figures(&self) -> Vec<NamedFigure> {
         let Self { reference, cells, survey } = self;
         let figures = [

@@ -65,7 +65,6 @@ impl Table {
     }
 
     /// The table as GitHub Markdown. The lines of a cell become one line.
-    #[must_use]
     pub fn markdown(&self) -> String {
         let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let plain = |cell: &String| one_line(cell).replace('|', "\\|");
@@ -150,7 +149,6 @@ impl fmt::Display for Table {
 }
 
 /// A whole number with its digits in groups of three: "29 376".
-#[must_use]
 pub fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let groups: Vec<&str> = digits
@@ -163,7 +161,6 @@ pub fn grouped(number: usize) -> String {
 }
 
 /// Seconds as text; "never" without a time.
-#[must_use]
 pub fn seconds(seconds: Option<f64>) -> String {
     seconds.filter(|seconds| seconds.is_finite()).map_or("never".to_owned(), |s| format!("{s:.2} s"))
 }

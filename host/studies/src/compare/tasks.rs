@@ -50,8 +50,11 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
     add("reversal", "60 to -60 % of the free speed", EVENT_S, reversal);
     add("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[])?);
     add("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)])?);
+    let mut sagging = plan(&[(0.0, free(0.25)), (EVENT_S, free(0.45))], &[])?;
+    sagging.battery = Battery { emf: Volts(13.0), resistance: Ohms(0.6) };
+    sagging.emf_over_time = timed([(1.0, 13.0), (6.0, 8.0)]);
     let sag = "25 to 45 % of the free speed, the battery (0.6 ohm) falling from 13 to 8 V";
-    add("sag", sag, EVENT_S, sagging()?);
+    add("sag", sag, EVENT_S, sagging);
     for (key, what, inertia) in
         [("light", "The step without flywheel", 0.0), ("heavy", "The step with a flywheel of 40 kg", 0.2)]
     {
@@ -83,11 +86,4 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
     motor.setpoints = timed(speeds.iter().map(speed));
     motor.torques.extend(timed(torques.iter().copied()));
     Ok(Scenario::new("comparison", LENGTH_S, vec![motor]))
-}
-
-fn sagging() -> Result<Scenario, UnknownMotor> {
-    let mut scenario = plan(&[(0.0, 0.25 * FREE_CPS), (EVENT_S, 0.45 * FREE_CPS)], &[])?;
-    scenario.battery = Battery { emf: Volts(13.0), resistance: Ohms(0.6) };
-    scenario.emf_over_time = timed([(1.0, 13.0), (6.0, 8.0)]);
-    Ok(scenario)
 }

@@ -10,7 +10,6 @@ use simulated::scheme::describe;
 
 impl Results {
     /// The result in a sentence, then the tables of every part with this many of the worst responses.
-    #[must_use]
     pub fn page(&self, worst: usize) -> Page {
         let mut page = Page::new(headline(self));
         if let Some(rows) = &self.reference {
