@@ -3,11 +3,12 @@
 mod common;
 
 use common::{
-    Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, inertia, neverest_60, plant,
-    position, rotors, rough, unknown, velocity,
+    BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, inertia, neverest_60,
+    plant, position, rotors, rough, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
+use motor_hub::model::load::Load;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{EncoderFault, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
@@ -144,6 +145,25 @@ fn a_motor_with_a_current_limit_at_a_hard_stop_is_stalled_and_its_encoder_has_no
                 assert_eq!(fault(&bench), None, "{what}");
                 assert!(bench.report().stalled, "{what}: {:?}", bench.report());
             }
+        }
+    }
+}
+
+#[test]
+fn a_load_that_overpowers_a_current_limit_is_no_reversed_encoder_in_any_scheme() {
+    let motor = neverest_60();
+    let stall_amperes = BATTERY / motor.r.0;
+    let stall_torque = stall_amperes * motor.kt.0 * motor.gear_ratio * motor.eta;
+    for (period, scheme) in [1, 10, 50].into_iter().flat_map(|ms| Scheme::ALL.map(|scheme| (ms, scheme))) {
+        for settings in configured_and_unknown(&motor, &Load::NONE) {
+            let limit = NonZeroU16::new((555.0 * stall_amperes) as u16);
+            let settings = Settings { scheme, current_limit: limit, ..settings };
+            let mut bench = Bench::one(settings, plant(motor, Load::NONE), period);
+            bench.axes[0].torque = 0.6 * stall_torque;
+            bench.set(0, velocity(-1_200));
+            bench.run_ms(3_000);
+            assert!(bench.speed(0) > 500.0, "{scheme:?}, {period} ms: {} counts/s", bench.speed(0));
+            assert_eq!(fault(&bench), None, "{scheme:?}, {period} ms");
         }
     }
 }

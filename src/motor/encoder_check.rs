@@ -123,7 +123,18 @@ impl Tick<'_> {
         let wrong_speed = if velocity < 0 { twice >= velocity } else { twice <= velocity };
         wrong_speed
             && self.command.request.at.regime(self.command.limited.drive) == Regime::Reverse
-            && self.control().get().abs() >= Runaway::FULL_CONTROL
+            && self.is_at_end_of_range()
+    }
+
+    /// True if the last command is at the end of the control range, or at full duty if a limit has changed the request.
+    /// In Schemes C and D the control value of a limited voltage may be at the end of the range, although the limit
+    /// holds the motor back.
+    fn is_at_end_of_range(&self) -> bool {
+        if self.command.is_limited() {
+            self.command.limited.drive.duty.to_bits() >= Runaway::FULL_CONTROL as u16
+        } else {
+            self.control().get().abs() >= Runaway::FULL_CONTROL
+        }
     }
 }
 
