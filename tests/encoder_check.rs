@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, inertia, neverest_60,
-    plant, position, rotors, rough, unknown, velocity,
+    BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia,
+    neverest_60, plant, position, rotors, rough, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
@@ -512,6 +512,21 @@ fn every_scheme_finds_a_reversed_encoder() {
                 }
                 assert_eq!(fault(&bench), Some(EncoderFault::Reversed));
             }
+        }
+    }
+}
+
+#[test]
+fn an_encoder_that_is_reversed_under_an_unknown_motor_at_its_full_speed_is_at_fault() {
+    for period in [1, 10] {
+        for motor in motor_hub::model::catalogue::motors() {
+            let mut bench = Bench::one(unknown(&motor), plant(motor, Load::NONE), period);
+            bench.set(0, velocity((2.0 * free_cps(&motor)) as i32));
+            bench.run_ms(3_000);
+            bench.axes[0].cable = Cable::Reversed;
+            let is_reversed =
+                |bench: &Bench<1>| bench.report().faults.encoder == Some(EncoderFault::Reversed);
+            assert!(bench.wait_until(8_000, is_reversed).is_some(), "{}, {period} ms", motor.name);
         }
     }
 }

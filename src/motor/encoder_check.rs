@@ -592,7 +592,7 @@ impl Runaway {
         } else {
             0
         };
-        error > 0 && late.speed_cps(error) <= early.speed_cps(0)
+        late.speed_cps(error) < early.speed_cps(0)
     }
 
     /// Executes a tick of RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
@@ -623,7 +623,8 @@ impl Runaway {
         } else {
             Self::SPAN_MS
         };
-        let slower = self.late.speed_cps(0) < self.early.speed_cps(0);
+        // A motor at its full speed becomes neither faster nor slower. Its late span may lack a count by rounding.
+        let slower = self.late.speed_cps(-1) < self.early.speed_cps(0);
         let both = Self { early: self.early.plus(self.late), late: Span::default(), ..self };
         if self.late.ms < late_ms {
             State::RunningAway(self)
