@@ -209,7 +209,9 @@ impl Law {
     /// against the motion.
     fn reverse_friction(&mut self, observer: &mut Observer, plant: &Plant, next: f32, context: &Context<'_>) {
         let side = 1.0f32.copysign(next);
-        if side != self.friction_side && next.abs() > REVERSING_CPS {
+        // More than one count per tick in the old direction: the motion does not reverse within this tick.
+        let still_opposite = -side * observer.speed() * context.period.to_seconds() > 1.0;
+        if side != self.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
             observer.add_load(friction_volts(context) * plant.b * (self.friction_side - side));
             self.friction_side = side;
         }
