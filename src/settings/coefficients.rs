@@ -6,8 +6,10 @@ use libm::roundf;
 
 /// Battery voltage for which coefficients are suggested, in V.
 const NOMINAL_VOLTS: f32 = 12.0;
-/// Suggested P and I of the velocity loop, as a share of F. I is per cycle of 50 ms.
-const SHARE_OF_F: f32 = 0.05;
+/// Suggested P of the velocity loop, as a share of F.
+const P_SHARE: f32 = 0.1;
+/// Suggested I of the velocity loop per cycle of 50 ms, as a share of F.
+const I_SHARE: f32 = 0.05;
 /// Suggested P of the position loop, in counts/s per count. Without load a motor reaches 63 % of a new speed after
 /// 0.02 to 0.2 s, so the position loop is the slower one.
 const POSITION_P: f32 = 2.0;
@@ -27,13 +29,13 @@ impl Coefficients {
     /// change single coefficients. For a motor without coefficients the hub answers with the suggested coefficients.
     ///
     /// F of the velocity loop gives the voltage that balances the back EMF of the target speed, on a battery of 12 V.
-    /// P and I are 5 % of F. They are small, because the coefficients are for a motor of any inertia. The position loop
+    /// P is 10 % of F, and I 5 %. They are small, because the coefficients are for a motor of any inertia. The position loop
     /// has only P, which is 2 counts/s per count.
     pub fn suggested(emf: EmfConstant) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
-        let share = coefficient(SHARE_OF_F * f);
+        let [p, i, f] = [P_SHARE * f, I_SHARE * f, f].map(coefficient);
         Self {
-            velocity: Pidf { p: share, i: share, d: Coefficient::ZERO, f: coefficient(f) },
+            velocity: Pidf { p, i, d: Coefficient::ZERO, f },
             position: Pidf { p: coefficient(POSITION_P), ..Pidf::default() },
         }
     }

@@ -298,7 +298,7 @@ fn a_member_that_was_pushed_away_returns_at_the_speed_of_the_course() {
             if is_pid {
                 bench.configure(1, |settings| {
                     let Coefficients { velocity, position } = Coefficients::suggested(settings.winding.emf);
-                    let p = Coefficient::from_bits(10 * velocity.p.to_bits());
+                    let p = Coefficient::from_bits(5 * velocity.p.to_bits());
                     let i = Coefficient::from_bits(2 * velocity.i.to_bits());
                     // Suggested coefficients are for any load. These are for a wheel of the robot.
                     settings.coefficients =
