@@ -7,10 +7,9 @@ use motor_hub::group::{Course, GroupCommand, Halt};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2};
-use motor_hub::motion::Pidf;
 use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Acceleration, Coefficient, Control};
+use motor_hub::units::{Acceleration, Control, Period};
 use std::num::NonZeroU16;
 
 type Bench<const N: usize> = common::Bench<N>;
@@ -296,13 +295,10 @@ fn a_member_that_was_pushed_away_returns_at_the_speed_of_the_course() {
         for is_pid in [false, true] {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
             if is_pid {
+                let ms = Period::from_millis(period).expect("in range");
                 bench.configure(1, |settings| {
-                    let Coefficients { velocity, position } = Coefficients::suggested(settings.winding.emf);
-                    let p = Coefficient::from_bits(5 * velocity.p.to_bits());
-                    let i = Coefficient::from_bits(2 * velocity.i.to_bits());
-                    // Suggested coefficients are for any load. These are for a wheel of the robot.
                     settings.coefficients =
-                        Some(Coefficients { velocity: Pidf { p, i, ..velocity }, position });
+                        Some(Coefficients::guessed(settings.winding.emf, settings.scheme, ms));
                 });
             }
             bench.move_group(usual(by([200; 2]), COURSE_CPS, 400));
