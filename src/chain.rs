@@ -190,7 +190,7 @@ impl Chain {
             }
             self.pending = None;
             if pending.discovery {
-                // No packet has arrived from this address. Bytes without a packet are answers that collided.
+                // No answer has arrived from this address. Bytes without a packet are answers that collided.
                 self.duplicate.set(pending.address, pending.received_bytes);
                 self.answering.set(pending.address, false);
             }

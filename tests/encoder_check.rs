@@ -524,9 +524,8 @@ fn an_encoder_that_is_reversed_under_an_unknown_motor_at_its_full_speed_is_at_fa
             bench.set(0, velocity((2.0 * free_cps(&motor)) as i32));
             bench.run_ms(3_000);
             bench.axes[0].cable = Cable::Reversed;
-            let is_reversed =
-                |bench: &Bench<1>| bench.report().faults.encoder == Some(EncoderFault::Reversed);
-            assert!(bench.wait_until(8_000, is_reversed).is_some(), "{}, {period} ms", motor.name);
+            let found = bench.wait_until(8_000, |bench| fault(bench) == Some(EncoderFault::Reversed));
+            assert!(found.is_some(), "{}, {period} ms", motor.name);
         }
     }
 }

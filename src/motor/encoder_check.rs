@@ -555,7 +555,7 @@ impl Runaway {
     /// Chosen.
     const FASTER_COUNTS: i32 = 4;
     /// Counts of a late span for which the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A late
-    /// span with fewer counts must be faster than the early span even without `ERROR_COUNTS` of its counts. Otherwise a
+    /// span with fewer counts must be as fast as the early span even without `ERROR_COUNTS` of its counts. Otherwise a
     /// second comparison follows.
     const EXACT_COUNTS: i32 = 40;
     /// Errors of both spans together, in counts: one count at the end of each span.
