@@ -16,7 +16,7 @@ pub(crate) struct Board {
 }
 
 /// All boards. The first is the default.
-pub(crate) const ALL: [Board; 4] = [
+pub(crate) const ALL: &[Board] = &[
     Board {
         name: "nucleo-f429zi",
         chip: "STM32F429ZITx",

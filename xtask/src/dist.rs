@@ -34,7 +34,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let program = target_folder().join(computer).join("shipped/motor-hub");
         copy(&program, &dist.join(format!("motor-hub-{computer}")))?;
     }
-    for board in &board::ALL {
+    for board in board::ALL {
         let elf = board.build()?;
         copy(&elf, &dist.join(format!("{}.elf", file_name(board.name))))?;
         let bin = board.raw(&elf)?;
@@ -85,7 +85,7 @@ fn checksums(folder: &Path) -> Result<String, Failed> {
 /// Returns a document of all third-party packages in the program, the wheel and the images, each with its licence.
 fn third_party() -> Result<String, Failed> {
     let mut packages = tree(&["--package", "motor-hub-cli", "--package", "motor-hub-python"])?;
-    for board in &board::ALL {
+    for board in board::ALL {
         packages.extend(tree(&["--package", board.name, "--target", board::TARGET])?);
     }
     let mut text = String::from(

@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let boards = match arguments {
-        [] => &board::ALL[..],
+        [] => board::ALL,
         _ => std::slice::from_ref(board::named(arguments)?),
     };
     let mut table = String::from(

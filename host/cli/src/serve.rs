@@ -115,7 +115,7 @@ impl Options {
 
     #[cfg(not(feature = "emulated"))]
     fn serve_an_image(&self) -> Result<(), Failure> {
-        Err(crate::emulate::no_emulator("serve --emulated"))
+        Err(crate::emulate::no_emulator("serve --emulated --pty"))
     }
 
     #[cfg(feature = "emulated")]

@@ -5,7 +5,9 @@ use super::ports;
 use crate::output::Failure;
 use crate::parse::{address, host_and_port, whole};
 use clap::builder::NonEmptyStringValueParser;
-use motor_hub::protocol::Address;
+use motor_hub::extension::HubFunction::{Load, Reset, Save, Stored};
+use motor_hub::extension::Request;
+use motor_hub::protocol::{Address, Nack};
 use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
@@ -87,7 +89,12 @@ impl HubOptions {
     pub(super) fn explain(&self, failure: Failure) -> Failure {
         let Failure::Hub(error) = failure else { return failure };
         let name: String = self.places().collect();
-        Failure::Work(match error {
+        Failure::Work(match &error {
+            Error::Refused { request, reason: Nack::UNSUPPORTED }
+                if matches!(**request, Request::Hub(Save | Load | Reset | Stored)) =>
+            {
+                format!("{name}: {error}; a simulated hub stores settings if it is started with --store FILE")
+            }
             Error::Parents { .. } => format!("{name}: {error}; choose a hub by --address"),
             _ if is_tcp(&name) && error.is_hung_up() => format!(
                 "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"

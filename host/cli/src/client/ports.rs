@@ -2,8 +2,9 @@
 
 use crate::output::{Failure, print, print_json};
 use motor_hub_client::OpenError;
-use motor_hub_client::line::{self, Port};
+use motor_hub_client::line::{self, Port, is_tcp};
 use serde_json::json;
+use std::io::ErrorKind;
 
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
@@ -31,12 +32,18 @@ pub(super) fn list() -> Result<String, Failure> {
 pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
+        OpenError::System(system) if system.kind() == ErrorKind::ConnectionRefused => format!(
+            "{place}: {error}; no hub is served there: start one by `motor-hub serve --tcp HOST:PORT`"
+        ),
         error => match std::fs::read_link(place) {
             // `serve --link` leaves its link if the program is killed.
             Ok(port) if port.starts_with("/dev/pts") && !port.exists() => format!(
                 "{place}: the link leads to {}, which no longer exists, because the served hub has ended; serve the hub again",
                 port.display()
             ),
+            Err(missing) if missing.kind() == ErrorKind::NotFound && !is_tcp(place) => {
+                format!("{place}: {error}\n{}", list().unwrap_or_default().trim_end())
+            }
             _ => format!("{place}: {error}"),
         },
     }

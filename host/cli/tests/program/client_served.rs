@@ -404,6 +404,20 @@ fn a_port_may_be_a_tcp_address_whose_port_is_in_range() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_place_without_a_hub_says_what_to_do() {
+    let ports = out(&motor_hub(&["client", "ports"]));
+    let missing = format!("/dev/ttyNone: No such file or directory\n{ports}");
+    fails(&motor_hub(&["client", "--port", "/dev/ttyNone", "status"]), 1, &missing);
+    // Nothing listens on port 1.
+    fails(
+        &motor_hub(&["client", "--tcp", "127.0.0.1:1", "status"]),
+        1,
+        "start one by `motor-hub serve --tcp HOST:PORT`",
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     let port = write(&folder("locked"), "port", "");

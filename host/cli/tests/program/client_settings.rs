@@ -172,7 +172,11 @@ fn commands_for_stored_settings_fail_at_a_hub_without_a_store() {
     let with_store = served(&store("settings-of-another"));
     settings(&with_store, &["export", &file]);
     for what in ["show", "save", "load", "reset"] {
-        fails(&client(&hub, &["settings", what]), 1, "this hub does not have it");
+        fails(
+            &client(&hub, &["settings", what]),
+            1,
+            "this hub does not have it (NACK 253); a simulated hub stores",
+        );
     }
     fails(&client(&hub, &["settings", "export"]), 1, "export needs a hub that stores settings");
     let imported = client(&hub, &["settings", "import", &file, "--save"]);
