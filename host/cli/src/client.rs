@@ -11,7 +11,7 @@ pub(crate) mod interrupt;
 mod jog;
 mod motion;
 mod motors_off;
-mod ports;
+pub(crate) mod ports;
 mod readings;
 mod record;
 mod scan;

@@ -1,5 +1,6 @@
 //! `motor-hub dashboard`: shows a hub in a browser.
 
+use crate::client::ports::unopened;
 use crate::output::{Failure, print, print_error_line};
 use crate::parse::{address, host_and_port, whole};
 use crate::serve::stop_flag;
@@ -137,7 +138,7 @@ fn real(name: &str) -> Place {
             let why = error.to_string();
             // The server opens the line repeatedly. An error that repeats is printed once.
             if printed.as_ref() != Some(&why) {
-                print_error_line(&format!("{place}: {why}; trying again every second"));
+                print_error_line(&format!("{}\ntrying again every second", unopened(&place, &error)));
                 printed = Some(why.clone());
             }
             Err(why)

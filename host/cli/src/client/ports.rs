@@ -29,7 +29,7 @@ pub(super) fn list() -> Result<String, Failure> {
 }
 
 /// Returns the message for a place that cannot be opened: the reason, and what the user can do.
-pub(super) fn unopened(place: &str, error: &OpenError) -> String {
+pub(crate) fn unopened(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
         OpenError::System(system) if system.kind() == ErrorKind::ConnectionRefused => format!(
