@@ -59,14 +59,14 @@ const TASKS: [Task; 18] = [
     task(
         "test [emulated|BOARD]",
         test,
-        "`cargo test`; or the short tests of images; or all tests of a board's image",
+        "`cargo test`; or the short tests of images on emulated chips; or all tests of a board's image",
     ),
     task("long", long, "the tests that `cargo test` leaves out because they take minutes"),
     task("figures [--check]", figures::task, "draws docs/pictures, or says which are stale"),
     task(
         "results [--check] [--measured]",
         results::task,
-        "writes docs/results, or says which are stale; or of tables that earlier tests have measured",
+        "writes docs/results; --check says which are stale, --measured takes tables that earlier tests have written",
     ),
     task("python", python::task, "builds the Python package and tests it as installed"),
     task(
@@ -87,20 +87,24 @@ const TASKS: [Task; 18] = [
     task(
         "build-time",
         build_time::task,
-        "number of crates in the default build; build times of the README's two commands in seconds",
+        "counts the crates of the default build, and measures how long the README's two commands build",
     ),
     task("size [BOARD]", size::task, "builds an image, or all: flash and static RAM against their limits"),
     task("image [BOARD]", board::image, "builds an image in the format for the USB drive of a NUCLEO"),
     task(
         "sign ELF SECRET [VERSION]",
         sign::task,
-        "raw bytes of an image with a rollback version, and their signature by OpenSSL",
+        "makes the raw bytes of an image and their signature, with a rollback version if one is given",
     ),
     task("flash [BOARD]", flash::task, "builds an image, flashes it with probe-rs and shows its log"),
-    task("dist", dist::task, "the files that a release carries, in target/dist"),
-    task("package", package, "the two published packages, built as their users build them"),
-    task("fuzz", fuzz::task, "random bytes into host link and store, a minute each; needs a C++ compiler"),
-    task("ci", ci, "everything that must hold: .ci/run"),
+    task("dist", dist::task, "builds the files that a release carries, into target/dist"),
+    task("package", package, "builds the two published packages as their users build them"),
+    task(
+        "fuzz",
+        fuzz::task,
+        "sends random bytes to host link and store, a minute each; needs a C++ compiler",
+    ),
+    task("ci", ci, "runs what the build server runs: .ci/run"),
 ];
 
 const fn task(call: &'static str, start: fn(&[String]) -> Result<(), Failed>, does: &'static str) -> Task {
