@@ -22,7 +22,7 @@ pub(crate) struct Options {
     /// not; 12 hours of virtual time
     #[arg(long, conflicts_with_all = ["seed", "hours"])]
     sweep: bool,
-    /// With --sweep: every motor with 1 to 1000 times its rotor's inertia, two minutes each; 127 hours of virtual time
+    /// With --sweep: every motor with 1 to 1000 times its rotor's inertia, two minutes each; 126 hours of virtual time
     #[arg(long, requires = "sweep")]
     long: bool,
     /// Hours of virtual time, 0.001 to 1000
