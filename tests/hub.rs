@@ -35,12 +35,12 @@ fn pid(velocity: Pidf, position: Pidf) -> Settings {
 }
 
 /// Returns the coefficients that a motor has until a host sends some.
-fn guessed() -> Coefficients {
-    Coefficients::guessed(settings().winding.emf, Scheme::A, Period::DEFAULT)
+fn suggested() -> Coefficients {
+    Coefficients::suggested(settings().winding.emf)
 }
 
 fn with_velocity(velocity: Pidf) -> Settings {
-    pid(velocity, guessed().position)
+    pid(velocity, suggested().position)
 }
 
 fn power(control: i16) -> Setpoint {
@@ -244,7 +244,7 @@ fn the_integrator_holds_while_the_battery_is_not_read() {
 #[test]
 fn a_change_of_run_mode_starts_from_what_the_motor_does_and_a_new_target_does_not() {
     // Coefficients of a host, which learning does not change.
-    let mut bench = Bench::turned(with_velocity(guessed().velocity), [100.0]);
+    let mut bench = Bench::turned(with_velocity(suggested().velocity), [100.0]);
     settle(&mut bench);
     bench.set(0, velocity(300));
     let fresh = tick_control(&mut bench);

@@ -369,8 +369,7 @@ fn a_motor_that_was_shaken_in_its_position_is_softer_until_its_next_set_point_or
         ("velocity 0", |bench| bench.set(0, velocity(0))),
         ("position 0", |bench| bench.set(0, position(0, 5, 2_000))),
         ("coefficients", |bench| {
-            let Settings { winding, scheme, .. } = bench.settings[0];
-            let coefficients = Coefficients::guessed(winding.emf, scheme, Period::DEFAULT);
+            let coefficients = Coefficients::suggested(bench.settings[0].winding.emf);
             bench.configure(0, |settings| settings.coefficients = Some(coefficients));
             bench.configure(0, |settings| settings.coefficients = None);
         }),
@@ -599,4 +598,36 @@ fn a_load_that_swings_moves_a_regulated_motor_soon_at_most_1_2_times_as_far_as_o
             assert!(times <= 1.2, "{hz} Hz, {period} ms, configured {known}: {times:.2} times as far");
         }
     }
+}
+
+#[test]
+fn most_motors_settle_with_suggested_coefficients() {
+    let (mut swinging, mut all) = (vec![], 0);
+    for bare in motor_hub::model::catalogue::motors() {
+        for (load, friction) in [(Load::NONE, 0.0), (Load::NONE, 0.5), (rotors(&bare, 20.0), 0.5)] {
+            let settings = unknown(&bare);
+            let coefficients = Some(Coefficients::suggested(settings.winding.emf));
+            let motor = rough(bare, friction);
+            let mut bench = Bench::one(Settings { coefficients, ..settings }, plant(motor, load), 50);
+            for share in [0.6, 0.2, -0.5] {
+                let target = share * free_cps(&bare);
+                bench.set(0, velocity(target as i32));
+                bench.run_ms(3_000);
+                // How often within a second the speed passes from 2 % above its target to 2 % below, or back.
+                let (mut side, mut changes) = (0.0, 0);
+                for _ in 0..1_000 {
+                    bench.run_ms(1);
+                    let error = bench.speed(0) - target;
+                    if error.abs() > 0.02 * target.abs() && error.signum() != side {
+                        (side, changes) = (error.signum(), changes + 1);
+                    }
+                }
+                all += 1;
+                if changes > 2 {
+                    swinging.push(format!("{} {friction} V {target:.0} counts/s", bare.name));
+                }
+            }
+        }
+    }
+    assert!(2 * swinging.len() < all, "{} of {all}:\n{}", swinging.len(), swinging.join("\n"));
 }

@@ -52,7 +52,7 @@ use crate::protocol::payload::{Field as _, Fields, Payload};
 use crate::protocol::{Nack, requests};
 use crate::regulator::{self, Dynamics};
 use crate::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts, Period,
+    Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts,
     Resistance,
 };
 use core::convert::Infallible;
@@ -93,8 +93,7 @@ impl MotorSettings {
         self.motor.zero_power = if floats { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
-    /// Returns the coefficients of a loop. If no coefficients are configured, they are guessed from back EMF and
-    /// scheme.
+    /// Returns the coefficients of a loop. If no coefficients are configured, they are suggested from the back EMF.
     pub fn coefficients(&self, of: Loop) -> LoopCoefficients {
         let both = self.both_loops();
         let (Pidf { p, i, d, f }, terms) = match of {
@@ -115,11 +114,11 @@ impl MotorSettings {
         self.motor.coefficients = Some(both);
     }
 
-    /// Returns the configured coefficients of both loops. If no coefficients are configured, returns guessed
+    /// Returns the configured coefficients of both loops. If no coefficients are configured, returns suggested
     /// coefficients.
     fn both_loops(&self) -> regulator::Coefficients {
-        let Settings { winding, scheme, coefficients, .. } = self.motor;
-        coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))
+        let Settings { winding, coefficients, .. } = self.motor;
+        coefficients.unwrap_or_else(|| regulator::Coefficients::suggested(winding.emf))
     }
 }
 

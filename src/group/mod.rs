@@ -163,8 +163,7 @@ const MIN_LAG_COUNTS: u32 = 24;
 /// therefore be at least the lag of a healthy member. For a wheel of a simulated 6 kg robot the largest lags are:
 ///
 /// * 12 counts with the model-based regulator, at control periods of 1 to 100 ms.
-/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms. This lag is more than
-///   half of the usual lag, so the group slows down by some percent.
+/// * More with PID, by its coefficients. The group then slows down.
 ///
 /// A larger permitted lag would let members move farther apart.
 pub const fn default_lag(speed: CountsPerSecond) -> u16 {

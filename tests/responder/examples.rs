@@ -5,7 +5,6 @@ use motor_hub::hub::Command;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::encode;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::Period;
 
 #[test]
 fn a_host_finds_the_hub_and_its_interface_and_reads_status_battery_and_an_encoder() {
@@ -39,10 +38,10 @@ fn a_host_sets_pidf_coefficients() {
         [velocity.p, velocity.i, velocity.d, velocity.f].map(|c| c.to_bits()),
         [82_575, 8258, 0, 825_754]
     );
-    // The coefficients of the position loop were not set, so the hub uses its own guess.
+    // The coefficients of the position loop were not set, so the hub uses its suggestion.
     let winding = crate::host::settings().winding;
-    let guessed = Coefficients::guessed(winding.emf, settings.scheme, Period::DEFAULT);
-    assert_eq!(coefficients.position, guessed.position);
+    let suggested = Coefficients::suggested(winding.emf);
+    assert_eq!(coefficients.position, suggested.position);
 }
 
 #[test]

@@ -198,7 +198,12 @@ pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, pe
     let speed = motion.speed() * free_cps(&neverest_60());
     let mut subject = Subject::new(knowledge, scheme, period, speed, motion.load());
     subject.ask(if motion == Motion::Rest { Demand::Coast } else { Demand::Speed(speed) });
-    subject.run(if motion == Motion::Rest { 100 } else { 1_000 });
+    subject.run(match motion {
+        Motion::Rest => 100,
+        // PID takes some seconds to stop the sinking load.
+        Motion::Hanging => 3_000,
+        Motion::Turning | Motion::Lowering | Motion::Overrun => 1_000,
+    });
     subject
 }
 

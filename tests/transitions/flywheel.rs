@@ -93,10 +93,8 @@ impl Subject {
 
     /// Gives the motor the usual coefficients of a host.
     pub(crate) fn set_coefficients(&mut self) {
-        let period = self.bench.hub.period();
         self.configure(|settings| {
-            let Settings { winding, scheme, .. } = *settings;
-            settings.coefficients = Some(Coefficients::guessed(winding.emf, scheme, period));
+            settings.coefficients = Some(Coefficients::suggested(settings.winding.emf));
         });
     }
 

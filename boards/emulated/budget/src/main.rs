@@ -151,7 +151,7 @@ fn new_motor() -> Motor {
         friction: Millivolts::new(0),
     });
     if word(&SETTINGS, 5) != 0 {
-        settings.coefficients = Some(Coefficients::guessed(emf, settings.scheme, period));
+        settings.coefficients = Some(Coefficients::suggested(emf));
     }
     Motor::new(settings, period)
 }

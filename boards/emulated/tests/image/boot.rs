@@ -1,6 +1,5 @@
 //! The time from power-on until all bridges are driven safely, and the times of the control ticks.
 
-use motor_hub::units::Period;
 use std::path::Path;
 use std::time::Duration;
 
@@ -59,7 +58,7 @@ pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
         let settings = Settings::new(Winding::NEVEREST_60);
-        let settings = configuration.apply(settings, mounting, Period::DEFAULT);
+        let settings = configuration.apply(settings, mounting);
         let groups =
             [settings.dynamics.map(|_| Group::Motion), settings.coefficients.map(|_| Group::VelocityLoop)];
         for group in groups.into_iter().flatten() {

@@ -41,12 +41,12 @@ impl Configuration {
     }
 
     /// Returns settings with what is configured of this motor with its load.
-    pub(crate) fn apply(self, settings: Settings, mounting: &Mounting, period: Period) -> Settings {
+    pub(crate) fn apply(self, settings: Settings, mounting: &Mounting) -> Settings {
         match self {
             Self::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)), ..settings },
             Self::Unknown => settings,
             Self::Coefficients => {
-                let suggested = Coefficients::guessed(settings.winding.emf, settings.scheme, period);
+                let suggested = Coefficients::suggested(settings.winding.emf);
                 Settings { coefficients: Some(suggested), ..settings }
             }
         }
@@ -96,7 +96,7 @@ impl Recording {
         let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect("a motor's constants");
         let winding = Winding { emf, ..Winding::NEVEREST_60 };
         let settings = Settings { duty: variant.rule, ..Settings::new(winding) };
-        let settings = variant.configuration.apply(settings, &mounting, period);
+        let settings = variant.configuration.apply(settings, &mounting);
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);

@@ -395,7 +395,7 @@ impl Motor {
             ..motor
         };
         let winding = winding(&configured)?;
-        let guessed = Coefficients::guessed(winding.emf, self.scheme, Period::DEFAULT);
+        let suggested = Coefficients::suggested(winding.emf);
         let own = self.velocity.is_some() || self.position.is_some();
         Ok(Settings {
             bridge: self.bridge,
@@ -407,8 +407,8 @@ impl Motor {
             acceleration: self.acceleration,
             dynamics: is_motion_known.then(|| self.dynamics(&configured, &winding)).transpose()?,
             coefficients: own.then(|| Coefficients {
-                velocity: self.velocity.unwrap_or(guessed.velocity),
-                position: self.position.unwrap_or(guessed.position),
+                velocity: self.velocity.unwrap_or(suggested.velocity),
+                position: self.position.unwrap_or(suggested.position),
             }),
             ..Settings::for_scheme(winding, self.scheme)
         })
