@@ -17,10 +17,12 @@
 //! inertia.
 
 use super::observer::{Correction, Observer, Plant, SAMPLE_S, Sensitivity};
-use crate::settings::GUESSED_TIME_CONSTANT_S;
 use crate::units::single::{at_least, at_most};
 use libm::sqrtf;
 
+/// Initial guess of the mechanical time constant of an unknown motor, in s: about the time constant of a bare gear
+/// motor.
+const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
 /// Shortest and longest plausible mechanical time constant of a motor with its load, in s.
 const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of theta for the initial guess, and the variance up to which it grows. The standard deviation is as large

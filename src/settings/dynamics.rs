@@ -4,10 +4,6 @@ use crate::braking::Winding;
 use crate::bridge::BridgeConstants;
 use crate::units::{AccelerationPerVolt, DecayRate, Millivolts, RangeError};
 
-/// Initial guess of the mechanical time constant of an unknown motor, in s: about the time constant of a bare gear
-/// motor.
-pub(crate) const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
-
 /// Constants of a motor with its load, besides the back EMF. The motor's equation is
 ///
 /// ```text

@@ -26,7 +26,6 @@ mod dynamics;
 mod thermal_limit;
 
 pub use coefficients::Coefficients;
-pub(crate) use dynamics::GUESSED_TIME_CONSTANT_S;
 pub use dynamics::{Dynamics, Mechanics};
 pub use thermal_limit::ThermalLimit;
 
