@@ -4,7 +4,7 @@ mod common;
 
 use common::{
     BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia,
-    neverest_60, plant, position, rotors, rough, unknown, velocity,
+    motor, neverest_60, plant, position, rotors, rough, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
@@ -145,6 +145,26 @@ fn a_motor_with_a_current_limit_at_a_hard_stop_is_stalled_and_its_encoder_has_no
                 assert_eq!(fault(&bench), None, "{what}");
                 assert!(bench.report().stalled, "{what}: {:?}", bench.report());
             }
+        }
+    }
+}
+
+#[test]
+fn a_slow_unknown_motor_at_a_hard_stop_is_stalled_and_its_encoder_has_no_fault() {
+    let names = ["NeveRest 3.7", "NeveRest 3.7-A", "NeveRest 3.7-C"];
+    for (name, period) in names.into_iter().flat_map(|name| [1, 10, 50].map(|period| (name, period))) {
+        let bare = motor(name);
+        for (times, volts, share) in [(2.0, 0.3, 0.5), (4.0, 0.3, 0.4), (8.0, 0.3, 0.5), (8.0, 1.0, 0.3)] {
+            let load = rotors(&bare, times);
+            let mut bench = Bench::one(unknown(&bare), plant(rough(bare, volts), load), period);
+            bench.set(0, velocity((share * free_cps(&bare)) as i32));
+            bench.run_ms(4_000);
+            bench.axes[0].stops.1 = bench.counts(0) + 20.0;
+            bench.run_ms(4_000);
+            let what =
+                format!("{name}, {times} rotors, {volts} V, {share} of the free speed, {period} ms period");
+            assert_eq!(fault(&bench), None, "{what}");
+            assert!(bench.report().stalled, "{what}: {:?}", bench.report());
         }
     }
 }

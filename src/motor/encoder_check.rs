@@ -60,7 +60,7 @@
 //! |---|---|
 //! | turned steadily, then silent | 250 ms, with a control period of any length |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
-//! | has a least gain, but is slow-counting or heavy | more than 250 ms, until the expected distance is reached |
+//! | is slow-counting or heavy, and turned steadily or has a least gain | more than 250 ms, until the expected distance is reached |
 //! | without a least gain, last turned, or first driven, in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
 //! | without a least gain, has toggled a few times | 1 s: a heavy motor may take 0.8 s to start |
 //! | without a least gain and slow-counting | some 4 s |
@@ -349,8 +349,8 @@ struct Suspect {
     clockwise: bool,
     /// Position at which the examination began, in counts.
     position: i32,
-    /// Lower bound of the gain, in counts/s² per V: the least gain. Without a least gain, the larger one of two bounds:
-    /// the bound that follows from the steady run, and the gain of a motor with the longest time constant.
+    /// Lower bound of the gain, in counts/s² per V: the least gain. Without a least gain, the gain of a motor
+    /// with the longest time constant; after a steady run the likely least gain, if this is larger.
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
@@ -383,10 +383,6 @@ impl Suspect {
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
-        let time_constant =
-            if tick.counts_slowly() { Self::SLOW_COUNTING_TIME_CONSTANT_S } else { Self::TIME_CONSTANT_S };
-        let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
-        let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
         // The probe turns in the other direction, where a load that resisted the run helps. So the probe meets no more
         // resistance than the run did. The resisting volts of the run include the uncertainty of the estimate once, and
         // the probe adds the uncertainty a second time. The heaviest friction is assumed for a motor that started from
@@ -397,6 +393,10 @@ impl Suspect {
             .map_or(Expected::FRICTION_VOLTS, |volts| {
                 Expected::FRICTION_VOLTS.min(volts + Expected::UNCERTAINTY_VOLTS)
             });
+        let time_constant =
+            if tick.counts_slowly() { Self::SLOW_COUNTING_TIME_CONSTANT_S } else { Self::TIME_CONSTANT_S };
+        let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
+        let least = if run.is_some() { tick.regulator.likely_least_gain().max(slowest) } else { slowest };
         let known = tick.regulator.least_gain();
         Self {
             clockwise,

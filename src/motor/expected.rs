@@ -73,11 +73,6 @@ impl Expected {
     /// Largest torque of a load that drives a motor at a steady speed, in volts: the stall torque at 12 V. If the load of
     /// a run seems to be larger, less the uncertainty, the estimate is wrong and the motor is braking.
     pub(super) const LARGEST_DRIVING_VOLTS: f32 = 12.0;
-    /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
-    const CHANGE_VOLTS: f32 = 18.0;
-    /// Longest distance, in counts, in which a load can have stopped a motor whose run was steady until its last
-    /// motion.
-    const STOPPING_COUNTS: f32 = 4.0;
     /// Ratio of the torque that breaks a motor away to the torque that keeps the motor turning.
     const BREAKAWAY_RATIO: f32 = 4.0 / 3.0;
     /// Uncertainty of an estimated resisting torque, in volts.
@@ -100,8 +95,9 @@ impl Expected {
 
     /// Adds a step of a motor that keeps turning under its load.
     ///
-    /// A rising speed is computed with the least gain, and a falling speed with the configured or estimated gain. Both
-    /// choices give the lowest speed of a healthy motor: a heavier motor speeds up later, and also slows down later.
+    /// A rising speed is computed with the likely least gain, and a falling speed with the configured or estimated
+    /// gain. Both choices give the lowest speed of a healthy motor: a heavier motor speeds up later, and also slows
+    /// down later.
     pub(super) fn keep_turning(self, ms: u32, run: &Run, drive_volts: f32, tick: &Tick<'_>) -> Self {
         let before = self.speed_cps.unwrap_or(run.speed_cps);
         let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.emf_volts_per_cps());
@@ -111,8 +107,8 @@ impl Expected {
             let speed = tick.speed_at_command().abs().max(1.0);
             (volts, kappa) = (volts - drive_volts, (kappa - drive_volts / speed).max(0.0));
         }
-        let least_gain = tick.regulator.least_gain().unwrap_or(0.0).max(run.least_gain());
-        let gain = if volts > kappa * before { least_gain } else { tick.regulator.gain() };
+        let speeds_up = volts > kappa * before;
+        let gain = if speeds_up { tick.regulator.likely_least_gain() } else { tick.regulator.gain() };
         // Backward Euler: a long step is stable.
         let step = seconds(ms) * gain;
         let speed = (before + step * volts) / (1.0 + step * kappa);
@@ -136,12 +132,6 @@ impl Expected {
 }
 
 impl Run {
-    /// Least gain, in counts/s² per V. A heavier motor cannot be stopped within [`Expected::STOPPING_COUNTS`] from
-    /// the speed of the run by [`Expected::CHANGE_VOLTS`].
-    pub(super) fn least_gain(&self) -> f32 {
-        self.speed_cps * self.speed_cps / (2.0 * Expected::STOPPING_COUNTS * Expected::CHANGE_VOLTS)
-    }
-
     /// Largest resisting torque of the load of the run, in volts. The value is below 0 if the load drives the motor
     /// by more than the uncertainty.
     pub(super) fn resisting_volts(&self, tick: &Tick<'_>) -> f32 {

@@ -471,8 +471,14 @@ impl Regulator {
     /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
         let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(&self.plant));
+        known.then_some(self.likely_least_gain())
+    }
+
+    /// Likely lower bound of the acceleration per volt in counts/s², because a load may be heavier than configured. For
+    /// an unknown motor the bound follows from the estimate, however uncertain.
+    pub fn likely_least_gain(&self) -> f32 {
         // A gain is raised only to end swings, so the motor's true gain may be as small as the gain before the raise.
-        known.then_some(LEAST_GAIN_SHARE * self.plant.b / self.gain_ratio)
+        LEAST_GAIN_SHARE * self.plant.b / self.gain_ratio
     }
 
     /// True for an unknown motor whose encoder is trusted, because the motor has turned in the direction of its
