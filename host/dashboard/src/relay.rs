@@ -81,8 +81,8 @@ pub struct Relay {
     connect_at: Instant,
     /// Time at which enabled motors and set-points of a hub without reports were read last.
     looked_at: Instant,
-    /// Time at which the shown hub was lost. Since then the first hub of the chain is shown. `None` before a loss.
-    lost_shown_at: Option<Instant>,
+    /// Time at which the shown hub was connected, was reset, or replaced a lost hub. `None` before the first connection.
+    hub_changed_at: Option<Instant>,
     /// Newest message about the line, for new pages.
     line: Message,
     /// Newest settings by motor, for new pages.
@@ -112,7 +112,7 @@ impl Relay {
             since: now,
             connect_at: now,
             looked_at: now,
-            lost_shown_at: None,
+            hub_changed_at: None,
             line,
             settings: BTreeMap::new(),
         }
@@ -191,9 +191,13 @@ impl Relay {
                 self.answer(id, &answer);
             }
             _ if self.pages.controller() != Some(id) => return Err("this page is not in control".to_owned()),
-            // The order may be meant for the lost hub. It would drive the motor with the same number of the first hub.
-            _ if self.lost_shown_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
-                return Err("the hub of this order does not answer, and another hub is shown".to_owned());
+            // The order may be meant for a lost hub, or for the state of the hub before a loss or a reset. It would move a
+            // motor of the hub that is shown now.
+            _ if self.hub_changed_at.is_some_and(|at| !self.pages.has_shown_since(id, at)) => {
+                return Err(
+                    "the page has not shown the hub since the hub was connected, was reset, or replaced a lost hub: look at its values, then repeat the order"
+                        .to_owned(),
+                );
             }
             _ => {
                 self.execute_for_controller(order)?;
@@ -461,7 +465,7 @@ impl Relay {
         };
         self.send_notice(error.to_string(), lost == shown);
         if lost == shown {
-            self.lost_shown_at = Some(Instant::now());
+            self.hub_changed_at = Some(Instant::now());
             (self.identification, self.playing) = (None, None);
             self.lose_save(&error.to_string());
             if let Err(error) = self.query_hub() {
@@ -517,6 +521,7 @@ impl Relay {
             let advance_ms = self.hub_ms.map_or(0, |before| report.at_ms.wrapping_sub(before));
             if advance_ms > RESET_ADVANCE_MS {
                 self.playing = None;
+                self.hub_changed_at = Some(Instant::now());
                 self.query_hub()?;
                 let text =
                     "the hub was reset: its motors are disabled, and settings that were not stored are lost";
@@ -554,6 +559,7 @@ impl Relay {
                 session.limit_timeout(REQUEST_TIMEOUT);
                 self.chain = Chain::new(&hubs, session.address());
                 self.session = Some(session);
+                self.hub_changed_at = Some(Instant::now());
                 self.switch_off_if_any("the hub is connected again");
                 if let Err(error) = self.query_hub() {
                     self.handle_error(&error);
