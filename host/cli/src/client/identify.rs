@@ -214,6 +214,11 @@ fn identify(
                     live.show(|| progress.clone(), &progress)?;
                 }
                 Progress::Turning(_) => (),
+                Progress::Ended(Identification::None) => {
+                    return Err(Failure::Work(format!(
+                        "motor {motor} was not identified: the hub was reset, and settings that were not stored are lost"
+                    )));
+                }
                 Progress::Ended(outcome) => ended = Some(outcome),
             }
             Ok(ended.is_some())

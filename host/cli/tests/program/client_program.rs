@@ -1,6 +1,6 @@
 //! `motor-hub client` against the hub's own side of the protocol, over TCP.
 
-use crate::common::{err, fails, folder, json, motor_hub, out, signal, start_client, wait_for};
+use crate::common::{err, fails, folder, json, motor_hub, out, printed, signal, start_client, wait_for};
 use crate::hub_support::{Hub, Server};
 use motor_hub::regulator::Kind;
 use motor_hub::supply::DrawStage;
@@ -94,6 +94,17 @@ fn the_set_up_of_a_motor_is_shown_and_changed() {
     assert!(err(&unknown).contains("NeveRest 40"), "{}", err(&unknown));
     let table = out(&client(&server, &["setup", "0"]));
     assert!(table.contains("3.300 ohm") && table.contains("scheme A"), "{table}");
+}
+
+#[test]
+fn a_reset_of_the_hub_ends_identify_and_tune_with_an_error_that_names_the_reset() {
+    for command in ["identify", "tune"] {
+        // The hub of this test does no control tick. As after a reset, it knows no identification.
+        let server = Server::start(Hub::new());
+        let ended = client(&server, &[command, "0"]);
+        fails(&ended, 1, "motor 0 was not identified: the hub was reset");
+        assert!(!printed(&ended).contains("in force"), "{}", printed(&ended));
+    }
 }
 
 #[test]
