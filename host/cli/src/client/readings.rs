@@ -242,11 +242,17 @@ impl Live {
 
     /// Replaces the text shown last.
     pub(crate) fn redraw(&mut self, text: &str) -> Result<(), Failure> {
+        print(&self.replacement(text))
+    }
+
+    /// Returns what a terminal gets to replace the text shown last. The terminal does not wrap lines of the text, because
+    /// `height` would not count the wrapped lines. Standard output writes all up to the last line feed at once, so a
+    /// signal does not leave a terminal that does not wrap lines.
+    fn replacement(&mut self, text: &str) -> String {
         // Move the cursor to the first line of the old text, and clear to the end of the screen.
         let back = if self.height == 0 { String::new() } else { format!("\x1b[{}A\x1b[J", self.height) };
         self.height = text.lines().count();
-        // The terminal does not wrap lines of the text, because `height` would not count the wrapped lines.
-        print(&format!("{back}\x1b[?7l{text}\x1b[?7h"))
+        format!("{back}\x1b[?7l{}\x1b[?7h\r\n", text.trim_end_matches(['\r', '\n']))
     }
 }
 
@@ -303,6 +309,13 @@ mod tests {
         fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
             self.hub.read(bytes)
         }
+    }
+
+    #[test]
+    fn a_terminal_wraps_lines_again_before_the_last_line_feed() {
+        let mut live = Live { terminal: true, ..Live::new() };
+        assert_eq!(live.replacement("one\ntwo\n"), "\x1b[?7lone\ntwo\x1b[?7h\r\n");
+        assert_eq!(live.replacement("three\r\n"), "\x1b[2A\x1b[J\x1b[?7lthree\x1b[?7h\r\n");
     }
 
     #[test]
