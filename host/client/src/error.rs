@@ -10,9 +10,9 @@ use std::io;
 pub enum Error {
     /// Reading or writing the line failed.
     #[error("{0}")]
-    Line(#[from] io::Error),
-    /// The other end has closed the connection.
-    #[error("the hub closed the connection")]
+    Line(io::Error),
+    /// The other end has closed the connection, or the serial port is gone.
+    #[error("the connection to the hub has ended")]
     HungUp,
     /// No hub answered a discovery.
     #[error(
@@ -69,13 +69,18 @@ pub enum Error {
 }
 
 impl Error {
-    /// True if the other end has closed the connection.
-    pub fn is_hung_up(&self) -> bool {
+    /// True if the other end has closed the connection, or the serial port is gone.
+    pub const fn is_hung_up(&self) -> bool {
+        matches!(self, Self::HungUp)
+    }
+}
+
+impl From<io::Error> for Error {
+    fn from(error: io::Error) -> Self {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset};
-        match self {
-            Self::HungUp => true,
-            Self::Line(error) => matches!(error.kind(), BrokenPipe | ConnectionAborted | ConnectionReset),
-            _ => false,
+        match error.kind() {
+            BrokenPipe | ConnectionAborted | ConnectionReset => Self::HungUp,
+            _ => Self::Line(error),
         }
     }
 }

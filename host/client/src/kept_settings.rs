@@ -32,7 +32,10 @@ pub enum ImportError {
     },
     /// The exchange with the hub failed.
     #[error("{0}; some of the settings may be in force until the hub's next reset")]
-    Lost(Error),
+    Lost(#[from] Error),
+    /// The hub was reset.
+    #[error("the hub was reset meanwhile, so that some of the settings are not in force: import them again")]
+    Reset,
 }
 
 impl Session {
@@ -84,15 +87,16 @@ impl Session {
     /// must be disabled, because a change of the mode may put an earlier set-point in force.
     ///
     /// # Errors
-    /// The hub refuses a setting, or the exchange fails.
+    /// The hub refuses a setting, the exchange fails, or the hub is reset meanwhile.
     pub fn apply_settings(
         &mut self,
         settings: Vec<(u8, Vec<Values>)>,
         base: Option<BaseSettings>,
     ) -> Result<Vec<(u8, KeptSettings)>, ImportError> {
         let mut kept: Vec<(u8, KeptSettings)> = Vec::new();
+        let begun = self.report()?;
         for (motor, values) in settings {
-            kept.push((motor, self.keep_settings(motor).map_err(ImportError::Lost)?));
+            kept.push((motor, self.keep_settings(motor)?));
             for values in values {
                 if let Err(error) = self.command(Request::Set(motor, values)) {
                     return Err(self.refused(format!("motor {motor}"), error, &kept));
@@ -102,7 +106,11 @@ impl Session {
         if let Some(Err(error)) = base.map(|base| self.set_base(base)) {
             return Err(self.refused("the drive base".to_owned(), error, &kept));
         }
-        Ok(kept)
+        // The clock of a hub begins at 0 after a reset.
+        match (begun, self.report()?) {
+            (Some(begun), Some(ended)) if ended.at_ms < begun.at_ms => Err(ImportError::Reset),
+            _ => Ok(kept),
+        }
     }
 
     /// Restores the settings of motors after the hub has refused to set `part`. After any other error the settings are
@@ -128,7 +136,7 @@ impl Session {
                 Err(why @ Error::Refused { .. }) => {
                     failed.push_str(&format!("; motor {motor} could not be restored: {why}"));
                 }
-                Err(error) => return Err(ImportError::Lost(error)),
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(failed)

@@ -4,8 +4,9 @@
 mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory, first, responder_at};
+use motor_hub::braking::Winding;
 use motor_hub::extension::report::MotorReport;
-use motor_hub::extension::settings::Group;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{self, Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
@@ -17,11 +18,16 @@ use motor_hub::record::Fault;
 use motor_hub::regulator::Kind;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub::units::{
+    Acceleration, Coefficient, Control, CountsPerSecond, Micros, Milliamperes, Millivolts,
+};
+use motor_hub_client::kept_settings::ImportError;
+use motor_hub_client::memory::MemoryHub;
 use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
+use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -365,6 +371,43 @@ fn a_save_of_a_hub_that_is_reset_meanwhile_has_failed() {
     let report = save.result(&mut session).unwrap().unwrap();
     let why = "the hub was reset before it had finished: look at its stored settings, and try again";
     assert_eq!(why_unsaved(&report), Some(why));
+}
+
+#[test]
+fn settings_that_a_reset_of_the_hub_has_interrupted_are_not_in_force() {
+    /// A hub whose clock begins again at 0 with the request of this number.
+    #[derive(Debug)]
+    struct ResetHub(MemoryHub, u32);
+
+    impl Write for ResetHub {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.1 = self.1.saturating_sub(1);
+            if self.1 == 0 {
+                self.0.snapshot.at = Micros::default();
+            }
+            self.0.write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Read for ResetHub {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            self.0.read(bytes)
+        }
+    }
+
+    for (reset_at, is_lost) in [(8, true), (u32::MAX, false)] {
+        let mut hub = MemoryHub::default();
+        hub.snapshot.at = Micros::new(60_000_000);
+        let mut session = Session::new(ResetHub(hub, reset_at), Address::DEFAULT, TIMEOUT);
+        let settings = MotorSettings::new(motor::Settings::new(Winding::NEVEREST_60));
+        let values = Values::of(Group::CurrentLimit, &settings);
+        let applied = session.apply_settings(vec![(0, vec![values])], None);
+        assert_eq!(matches!(applied, Err(ImportError::Reset)), is_lost, "{applied:?}");
+    }
 }
 
 #[test]

@@ -195,8 +195,7 @@ impl Executor {
     /// restored. A later undo restores the former settings of a motor except its mode. An undo does not restore the
     /// drive base.
     fn import(&mut self, session: &mut Session, text: &str) -> Result<(), RequestError> {
-        let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-        let file = settings_file::read(document)?;
+        let file = settings_file::read(text)?;
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);

@@ -136,7 +136,7 @@ impl From<ImportError> for RequestError {
     fn from(error: ImportError) -> Self {
         match error {
             ImportError::Lost(error) => error.into(),
-            refused @ ImportError::Refused { .. } => Self::Refused(refused.to_string()),
+            error => Self::Refused(error.to_string()),
         }
     }
 }

@@ -9,6 +9,7 @@ use motor_hub::protocol::CHANNELS;
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde::{Deserialize, Serialize};
+use simulated::scenario::line_and_column;
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -53,7 +54,7 @@ pub fn export(session: &mut Session) -> Result<String, Error> {
 
 /// The table `[base]`, which has the settings of the drive base.
 #[derive(Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table [base]")]
 struct BaseTable {
     wheels: [u8; 2],
     wheel_diameter_mm: f64,
@@ -147,8 +148,13 @@ pub struct SettingsFile {
 /// The settings of a document, if all values are in range.
 ///
 /// # Errors
-/// A text that names motor or base and key, the given value, and the allowed values.
-pub fn read(mut document: Table) -> Result<SettingsFile, String> {
+/// A text that names the line and column of a syntax error, or motor or base and key, the given value, and the allowed
+/// values.
+pub fn read(text: &str) -> Result<SettingsFile, String> {
+    let mut document: Table = toml::from_str(text).map_err(|error| {
+        let (line, column) = line_and_column(text, error.span().unwrap_or_default().start);
+        format!("line {line}, column {column}: {}", error.message())
+    })?;
     let version = document
         .remove("schema_version")
         .ok_or_else(|| format!("schema_version is missing; write schema_version = {SCHEMA_VERSION}"))?;
@@ -170,12 +176,14 @@ pub fn read(mut document: Table) -> Result<SettingsFile, String> {
     let mut read: Vec<(u8, Vec<Values>)> = Vec::new();
     for motor in motors {
         let Value::Table(mut motor) = motor else { return Err("motor is no table".to_owned()) };
-        let number = motor.remove("number").and_then(|number| u8::try_from(number.as_integer()?).ok());
+        let given = motor.remove("number").ok_or("a [[motor]] has no number")?;
+        let number = given.as_integer().and_then(|number| u8::try_from(number).ok());
         let is_new = |number: &u8| read.iter().all(|(other, _)| other != number);
         let number = number.filter(|number| usize::from(*number) < CHANNELS && is_new(number));
         let most = CHANNELS - 1;
-        let number =
-            number.ok_or_else(|| format!("a motor's number is 0 to {most}, and each number occurs once"))?;
+        let number = number.ok_or_else(|| {
+            format!("the number of a motor is {given}; a number is 0 to {most}, and each number occurs once")
+        })?;
         read.push((number, values_of(motor).map_err(|why| format!("motor {number}: {why}"))?));
     }
     Ok(SettingsFile { motors: read, base })

@@ -99,6 +99,7 @@ impl HubOptions {
             _ if is_tcp(&name) && error.is_hung_up() => format!(
                 "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
             ),
+            _ if error.is_hung_up() => format!("{name}: {error}: check the hub's power and its cable"),
             _ => format!("{name}: {error}"),
         })
     }

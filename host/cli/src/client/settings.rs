@@ -9,7 +9,6 @@ use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::Session;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use serde_json::json;
-use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
 use studies::table;
 
@@ -100,7 +99,9 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                session.apply_settings(imported.motors, imported.base).map_err(Failure::work)?;
+                session
+                    .apply_settings(imported.motors, imported.base)
+                    .map_err(|error| Failure::Work(format!("{}: {error}", file.display())))?;
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save {
                     // The settings stay in force if the hub refuses to store them.
@@ -126,11 +127,7 @@ pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
 fn read(file: &Path) -> Result<SettingsFile, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
-    let document: toml::Table = toml::from_str(&text).map_err(|error| {
-        let (line, column) = line_and_column(&text, error.span().unwrap_or_default().start);
-        Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
-    })?;
-    settings_file::read(document)
+    settings_file::read(&text)
         .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }
 
