@@ -2,13 +2,15 @@
 //! other hubs in turn which motors are enabled. These requests also reset the keep-alive of a hub, so that its motors
 //! stay enabled.
 //!
-//! A hub that does not answer counts as lost. A lost hub is not asked again until a page chooses it, so that it delays
-//! no other hub. If the shown hub does not answer, the first hub is shown instead.
+//! A hub that does not answer counts as lost. Once a second a lost hub gets a request, with a short time-out, so that it
+//! hardly delays the other hubs. If the shown hub does not answer, the first hub is shown instead.
 
+use crate::relay::REQUEST_TIMEOUT;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::{Error, Session};
 use serde::Serialize;
+use std::time::Duration;
 
 /// Largest number of hubs that are shown.
 const MAX_HUBS: usize = 4;
@@ -16,6 +18,12 @@ const MAX_HUBS: usize = 4;
 /// Number of frames between two requests for what changes slowly: other hubs, the progress of an identification, the result
 /// of a save. With three other hubs, each hub is asked every 0.3 s.
 pub(crate) const FRAMES_PER_QUERY: u64 = 5;
+
+/// Number of frames between two requests to a lost hub: a second.
+const FRAMES_PER_RETRY: u64 = 50;
+
+/// Time-out of the request to a lost hub. A child answers within 20 ms.
+const LOST_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// A hub of a chain, for pages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -130,6 +138,36 @@ impl Chain {
         session.select_hub(shown);
         (other.running, other.fault) = asked?;
         Ok(())
+    }
+
+    /// In every fiftieth frame, sends one of the lost hubs a request to disable its motors. Returns the address of a hub
+    /// that answers, which is no longer lost.
+    ///
+    /// # Errors
+    /// The line fails.
+    pub(crate) fn ask_lost(&mut self, session: &mut Session, frame: u64) -> Result<Option<u8>, Error> {
+        let shown = Address::new(session.address());
+        let mut lost: Vec<_> = self.hubs.iter_mut().filter(|hub| hub.lost).collect();
+        let turn = (frame / FRAMES_PER_RETRY) as usize % lost.len().max(1);
+        let (true, Some(hub), Some(shown)) =
+            (frame.is_multiple_of(FRAMES_PER_RETRY), lost.get_mut(turn), shown)
+        else {
+            return Ok(None);
+        };
+        let Some(address) = Address::new(hub.address) else { return Ok(None) };
+        session.select_hub(address);
+        session.set_timeout(LOST_TIMEOUT);
+        let answer = session.fail_safe();
+        session.set_timeout(REQUEST_TIMEOUT);
+        session.select_hub(shown);
+        match answer {
+            Err(error @ (Error::Line(_) | Error::HungUp)) => Err(error),
+            Err(_) => Ok(None),
+            Ok(()) => {
+                hub.lost = false;
+                Ok(Some(hub.address))
+            }
+        }
     }
 
     /// Disables the motors of all hubs that are not lost.

@@ -31,7 +31,7 @@ use std::time::Duration;
 pub const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Time-out of the hub's answers. The time-out is short, so that a stop or the loss of a page is handled soon.
-const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
+pub(crate) const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Interval between attempts to connect to a lost hub.
 const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
@@ -445,12 +445,14 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(()) };
         let found = self.devices.go_on(session)?;
         self.chain.ask_another(session, self.frame.number)?;
+        let back = self.chain.ask_lost(session, self.frame.number)?;
         let motors = || (0..).zip(&self.frame.motors).filter(|(_, motor)| motor.enabled);
         let fault = motors().any(|(_, motor)| motor.fault == Some(true));
         self.chain.note(motors().map(|(motor, _)| motor).collect(), fault);
         let news = self.chain.changed_hubs().map(|hubs| Message::Hubs { hubs });
         let found = found.map(Message::Transfer);
-        found.into_iter().chain(news).for_each(|message| self.send_to_all(&message));
+        let back = back.map(|hub| notice(format!("hub {hub} answers again, with its motors disabled")));
+        found.into_iter().chain(news).chain(back).for_each(|message| self.send_to_all(&message));
         Ok(())
     }
 

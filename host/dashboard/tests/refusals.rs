@@ -327,6 +327,27 @@ fn a_stop_disables_the_motors_of_all_hubs_although_a_child_does_not_answer() {
 }
 
 #[test]
+fn a_child_that_was_lost_is_found_again_with_its_motors_disabled() {
+    let is_silent = Arc::new(AtomicBool::new(false));
+    let parent = Hub { responder: responder_at(2), ..Hub::new() };
+    let mut page = page_of(vec![parent, hub_that_falls_silent(3, &is_silent)]);
+    page.order("hub", json!({ "address": 3 }));
+    page.shows(1);
+    page.enable(0);
+    page.order("hub", json!({ "address": 2 }));
+    page.shows(0);
+    is_silent.store(true, Ordering::Relaxed);
+    page.until("a lost hub", |_, message| message["hubs"][1]["lost"] == true);
+    is_silent.store(false, Ordering::Relaxed);
+    page.notice("hub 3 answers again, with its motors disabled");
+    page.order("hub", json!({ "address": 3 }));
+    let hubs = page.shows(1);
+    assert_eq!(hubs["hubs"][1]["lost"], false, "{hubs}");
+    page.message("frame");
+    assert!(!page.enabled(0));
+}
+
+#[test]
 fn an_order_to_a_child_that_does_not_answer_shows_the_parent() {
     for (order, fields) in [
         ("led", json!({ "colour": [0, 0, 255] })),
