@@ -59,15 +59,16 @@ fn run(path: &Path) -> Result<(), String> {
     let domain = config.domain()?;
     let description = |hub: &config::Hub| hub.robot_description.as_deref().map(read).transpose();
     let descriptions = config.hubs.iter().map(description).collect::<Result<Vec<_>, _>>()?;
+    println!("waits for the router at {}", config.router);
+    let session = zenoh::open(settings(&config.router)?).wait().map_err(|error| error.to_string())?;
+    // Until here no hub is open, and the first signal ends the program immediately.
     let ends = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // A second signal ends the program immediately, also while the program waits for a router.
+        // A second signal ends the program immediately.
         signal_hook::flag::register_conditional_default(signal, ends.clone())
             .map_err(|error| error.to_string())?;
         signal_hook::flag::register(signal, ends.clone()).map_err(|error| error.to_string())?;
     }
-    println!("waits for the router at {}", config.router);
-    let session = zenoh::open(settings(&config.router)?).wait().map_err(|error| error.to_string())?;
     println!("domain {domain}, session {}", session.zid());
 
     let mut graph = Graph::new(&session, domain, config.distribution);

@@ -336,6 +336,17 @@ class Program(unittest.TestCase):
         self.assertEqual((ended.returncode, ended.stdout), (1, ""))
         self.assertIn("none.urdf: No such file", ended.stderr)
 
+    def test_one_signal_ends_the_program_that_waits_for_a_router(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            config = Path(folder, "config.toml")
+            config.write_text(HEAD.format(port=free_port(), distribution="jazzy") + '[[hub]]\nplace = "127.0.0.1:1"\n')
+            node = subprocess.Popen([os.environ["MOTOR_HUB_ROS"], str(config)], stdout=subprocess.PIPE, text=True)
+            self.addCleanup(node.communicate)
+            self.addCleanup(node.kill)
+            self.assertIn("waits for the router", node.stdout.readline())
+            node.terminate()
+            self.assertNotEqual(node.wait(5), 0)
+
 
 class Graph(WithRobot):
     def test_every_topic_and_service_has_a_token_and_a_gid_of_it(self) -> None:
@@ -972,7 +983,7 @@ if __name__ == "__main__":
         sdk_peer(int(sys.argv[2]), Path(sys.argv[3]))
     elif len(sys.argv) == 1:
         # The tests wait most of the time: some classes run side by side.
-        groups = [Losses, Services, LowBattery, Chain, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
+        groups = [Program, Losses, Services, LowBattery, Chain, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
 
         def run(group: type) -> subprocess.CompletedProcess:
             return subprocess.run([sys.executable, __file__, "-v", group.__name__], stderr=subprocess.PIPE, text=True)
