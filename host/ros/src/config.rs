@@ -148,6 +148,9 @@ impl Hub {
 
     fn check(&self) -> Result<(), String> {
         let at = &self.place;
+        if at.is_empty() {
+            return Err("a hub has an empty place; give a serial port or HOST:PORT".to_owned());
+        }
         let named = |name: &str| {
             name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
                 && name.starts_with(|c: char| !c.is_ascii_digit())
@@ -218,6 +221,10 @@ impl Config {
         let config: Self = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
         if !(1..=100).contains(&config.rate_hz) {
             return Err(format!("rate_hz is {}; allowed are 1 to 100", config.rate_hz));
+        }
+        // This program has Zenoh's transport over TCP only, and would wait for a router of another one without an end.
+        if config.router.strip_prefix("tcp/").is_none_or(|address| !address.contains(':')) {
+            return Err(format!("router is {:?}; allowed is tcp/HOST:PORT", config.router));
         }
         if config.hubs.is_empty() {
             return Err("there is no hub; give at least one table [[hub]]".to_owned());
@@ -300,6 +307,13 @@ pub(crate) mod tests {
             ("/hub0", "hub0", "namespace is \"hub0\"; allowed is / and letters"),
             ("/hub0", "/0hub", "namespace is \"/0hub\""),
             ("[[hub]]", "rate_hz = 0\n[[hub]]", "rate_hz is 0; allowed are 1 to 100"),
+            (
+                "[[hub]]",
+                "router = \"localhost:7447\"\n[[hub]]",
+                "router is \"localhost:7447\"; allowed is tcp/HOST:PORT",
+            ),
+            ("[[hub]]", "router = \"udp/localhost:7447\"\n[[hub]]", "allowed is tcp/HOST:PORT"),
+            ("127.0.0.1:7070", "", "a hub has an empty place"),
             ("[[hub]]", "domain = 233\n[[hub]]", "domain is 233; allowed are 0 to 232"),
             ("[[hub]]", "distribution = \"foxy\"\n[[hub]]", "expected one of `humble`, `jazzy`"),
             ("[[hub]]", "rates = 1\n[[hub]]", "unknown field `rates`"),
