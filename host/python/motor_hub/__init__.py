@@ -26,6 +26,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import os
+import operator
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -240,6 +241,7 @@ class Hub:
         return await asyncio.get_running_loop().run_in_executor(self._thread, call, *arguments)
 
     def __getitem__(self, number: int) -> Motor:
+        number = operator.index(number)
         if not 0 <= number < CHANNELS:
             raise IndexError(f"motor is {number}; allowed are 0 to {CHANNELS - 1}")
         return Motor(self, number)

@@ -475,6 +475,8 @@ class BadInput(WithHub):
     async def test_a_motor_that_is_not_there_is_an_error(self) -> None:
         with self.assertRaisesRegex(IndexError, "motor is 4; allowed are 0 to 3"):
             self.hub[4]
+        with self.assertRaisesRegex(TypeError, "cannot be interpreted as an integer"):
+            self.hub[1.5]
         with self.assertRaisesRegex(ValueError, "motor is 7; allowed are 0 to 3"):
             with self.hub.enabled(0, 7):
                 self.fail("the block must not run")
