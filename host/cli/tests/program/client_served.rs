@@ -263,7 +263,7 @@ fn a_scan_finds_hubs_on_ports_and_gives_the_reason_where_it_finds_none() {
     let link = made_folder("hub-of-a-scan").join("link");
     std::os::unix::fs::symlink(&pty.place, &link).unwrap();
     let link = link.to_str().unwrap();
-    let notes = folder("no-notes");
+    let notes = made_folder("no-notes");
     let found = out(&scan(&notes, &[&tcp.place, link, "/no/such/port"]));
     let row = |place: &str| words(found.lines().find(|line| line.contains(place)).unwrap_or_default());
     assert!(row(&tcp.place).contains("2 ┆ parent"), "{found}");
@@ -275,7 +275,7 @@ fn a_scan_finds_hubs_on_ports_and_gives_the_reason_where_it_finds_none() {
 #[test]
 fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_address() {
     let hub = Hub::served_with(&["--hubs", "3"]);
-    let found = words(&out(&scan(&folder("chain-notes"), &[&hub.place])));
+    let found = words(&out(&scan(&made_folder("chain-notes"), &[&hub.place])));
     for row in ["2 ┆ parent, ", "3 ┆ └ child, ", "4 ┆ └ child, "] {
         assert!(found.contains(row), "{row}: {found}");
     }
@@ -314,7 +314,7 @@ fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
         _ => Vec::new(),
     };
     let server = Server::start(FakeHub { before, ..FakeHub::new() });
-    let notes = folder("failing-children");
+    let notes = made_folder("failing-children");
     let found = words(&out(&scan(&notes, &[&server.address])));
     for row in
         ["3 ┆ parent, HW: 20", "9 ┆ └ child: hub 9 does not answer", "12 ┆ └ child: hub 12 does not answer"]
@@ -331,7 +331,7 @@ fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
 fn a_scan_opens_a_place_that_is_named_twice_once() {
     let server = Server::start(FakeHub::new());
     let localhost = server.address.replace("127.0.0.1", "localhost");
-    let found = out(&scan(&folder("named-twice"), &[&server.address, &localhost, &server.address]));
+    let found = out(&scan(&made_folder("named-twice"), &[&server.address, &localhost, &server.address]));
     assert_eq!(found.matches("parent").count(), 1, "{found}");
     assert!(!found.contains("localhost"), "{found}");
 }
@@ -398,7 +398,7 @@ fn a_port_may_be_a_tcp_address_whose_port_is_in_range() {
     for place in ["127.0.0.1:99999", "localhost:0"] {
         fails(&motor_hub(&["client", "--port", place, "status"]), 1, &format!("error: {place}: {range}\n"));
     }
-    let found = printed(&scan(&folder("port-out-of-range"), &["127.0.0.1:70000"]));
+    let found = printed(&scan(&made_folder("port-out-of-range"), &["127.0.0.1:70000"]));
     assert!(found.contains(range), "{found}");
 }
 
