@@ -271,6 +271,7 @@ fn settings_and_an_address_that_a_page_saves_are_in_force_when_the_hub_starts_ag
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);
     assert_eq!(page.line(true)["stores"], false);
+    page.message("frame");
     assert!(page.refused("save", Value::Null).contains("store its settings"));
     page.order("address", json!({ "new": 9 }));
     page.notice("the hub has address 9 until the next reset: the hub stores no settings");
@@ -460,6 +461,7 @@ fn a_lost_hub_is_reported_and_found_again() {
         assert_ne!(message["kind"], "control", "{message}");
         message["kind"] == "line" && message["connected"] == true
     });
+    page.message("frame");
     page.run(0);
 }
 
