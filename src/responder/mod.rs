@@ -58,14 +58,13 @@ mod update;
 
 use crate::chain::Chain;
 use crate::devices::{AnalogReadings, I2C_BUSES};
-use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
-use crate::group::{BaseSettings, GroupCommand, Halt};
+use crate::group::{BaseSettings, GroupCommand};
 use crate::hub::{Command, Snapshot};
-use crate::motor::{Report, Setpoint, Settings};
+use crate::motor::{Report, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Payload, Text, byte};
@@ -78,7 +77,6 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
-use group::Courses;
 use i2c::Transfers;
 use keep_alive::KeepAlive;
 use led::Led;
@@ -151,7 +149,8 @@ pub struct Responder<const N: usize> {
     announced_version: Text,
     /// The hubs behind this hub, at the parent's end of the chain line. `None` on a board without a chain line.
     pub chain: Option<Chain>,
-    courses: Courses<N>,
+    /// Courses of groups that must still be sent. No motor is a member of two of them, so N elements are enough.
+    courses: [Option<GroupCommand>; N],
     /// The newest configuration of the drive base. `None` until a host configures the base.
     base: Option<BaseSettings>,
     /// True if the configuration of the base must still be sent to control.
@@ -190,7 +189,7 @@ impl<const N: usize> Responder<N> {
             update: None,
             announced_version: Text::new(),
             chain: None,
-            courses: Courses::NONE,
+            courses: [None; N],
             base: None,
             base_due: false,
             base_awaited: None,
@@ -350,7 +349,7 @@ impl<const N: usize> Responder<N> {
         if self.base_due {
             return Some(Command::SetBase(self.base));
         }
-        self.courses.next().map(Command::MoveGroup)
+        self.courses.iter().flatten().next().map(|course| Command::MoveGroup(*course))
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the
@@ -361,7 +360,7 @@ impl<const N: usize> Responder<N> {
             channel.sent(number);
         } else if self.base_due {
             (self.base_due, self.base_awaited) = (false, Some(number));
-        } else if let Some(command) = self.courses.sent() {
+        } else if let Some(command) = self.courses.iter_mut().find_map(Option::take) {
             for (channel, member) in self.channels.iter_mut().zip(command.course.members()) {
                 if member {
                     channel.course_sent(number);
@@ -372,7 +371,9 @@ impl<const N: usize> Responder<N> {
 
     /// True until a snapshot includes the newest set-point of the motor and the newest course of its group.
     fn awaits_snapshot(&self, motor: usize) -> bool {
-        self.courses.moves(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
+        let moves = |command: &GroupCommand| command.course.members().get(motor) == Some(&true);
+        self.courses.iter().flatten().any(moves)
+            || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
     }
 
     /// Returns the number of the newest sent command. While a command is pending, returns this number plus 1, because
@@ -396,28 +397,8 @@ impl<const N: usize> Responder<N> {
 
     /// Deletes the pending courses of groups, and releases all outputs.
     fn release_groups_and_outputs(&mut self) {
-        self.courses.clear();
+        self.courses = [None; N];
         self.outputs.disable();
-    }
-
-    /// Deletes the pending courses that move one of these motors. The other members of a deleted course halt, as the
-    /// members of a group that waits to start: with [`Halt::Stop`] they get the velocity 0, with [`Halt::Coast`] they
-    /// are disabled. If a member of the course is disabled, the others are always disabled.
-    fn delete_courses(&mut self, leaving: [bool; N]) {
-        while let Some(GroupCommand { course, halt, .. }) = self.courses.remove(&leaving) {
-            let members = || course.members().into_iter().zip(leaving);
-            let is_disabled = |(channel, (member, _)): (&MotorChannel, _)| member && !channel.enabled();
-            let any_disabled = self.channels.iter().zip(members()).any(is_disabled);
-            let setpoint = match halt {
-                Halt::Stop if !any_disabled => Setpoint::Velocity(CountsPerSecond::ZERO),
-                Halt::Stop | Halt::Coast => Setpoint::Disabled,
-            };
-            for (channel, (member, leaves)) in self.channels.iter_mut().zip(members()) {
-                if member && !leaves {
-                    channel.start(setpoint);
-                }
-            }
-        }
     }
 
     /// Executes a request, and returns the reply. The caller sets the flag `attention` of an acknowledgement.
@@ -585,53 +566,6 @@ impl<const N: usize> Responder<N> {
         }
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
         channel.receive(request, report, snapshot.good_battery().is_some())
-    }
-
-    /// Moves a group that has the motor `addressed` as a member.
-    ///
-    /// # Errors
-    /// Refuses a group without the motor `addressed`, a member that the hub does not have, and a member that is not
-    /// enabled.
-    fn move_group(
-        &mut self,
-        addressed: usize,
-        wanted: GroupCommand<GroupCourse>,
-        snapshot: &Snapshot<N>,
-    ) -> Result<Reply, Nack> {
-        let goal = |motor: usize, counts: i32| {
-            let of = self.channels.get(motor).zip(snapshot.motors.get(motor));
-            of.map_or(counts, |(channel, report)| channel.goal(counts, report.position))
-        };
-        let command = group::in_motor_counts(wanted, goal);
-        let members = command.course.members();
-        let mut others = members.iter().skip(N);
-        if members.get(addressed) != Some(&true) || others.any(|member| *member) {
-            return Err(Nack::parameter(2));
-        }
-        if !self.channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled()) {
-            return Err(Nack::WRONG_MODE);
-        }
-        self.delete_courses(core::array::from_fn(|motor| members.get(motor) == Some(&true)));
-        for (channel, member) in self.channels.iter_mut().zip(members) {
-            if member {
-                channel.join();
-            }
-        }
-        self.courses.add(command);
-        Ok(Reply::ACK)
-    }
-
-    fn group_state(&self, motor: usize, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
-        let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
-        let channel = self.channels.get(motor).ok_or(NO_MOTOR)?;
-        let state = match (self.awaits_snapshot(motor), report.setpoint) {
-            (true, _) if channel.in_group() => GroupState::Moving,
-            (true, _) => GroupState::Alone,
-            (false, Setpoint::Follow(_)) if report.settled => GroupState::Settled,
-            (false, Setpoint::Follow(_)) => GroupState::Moving,
-            (false, _) => GroupState::Alone,
-        };
-        Ok(Reply::data(&state))
     }
 
     fn bus_report(&self, now: Micros, snapshot: &Snapshot<N>) -> BusReport {
