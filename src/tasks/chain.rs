@@ -20,16 +20,15 @@ const RECOVERY: Duration = Duration::from_millis(1);
 ///
 /// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes.
 pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Write, wires: &Wires<M, N>) {
-    let chain = &wires.chain;
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let length = match select3(rx.read(&mut chunk), chain.send.receive(), until(decoder.deadline())).await
-        {
+        let deadline = until(decoder.deadline());
+        let length = match select3(rx.read(&mut chunk), wires.chain_send.receive(), deadline).await {
             Either3::First(Ok(0)) => return,
             Either3::First(Ok(length)) => length,
             Either3::First(Err(_)) => {
-                chain.received_bytes.signal(());
+                wires.chain_bytes.signal(());
                 Timer::after(RECOVERY).await;
                 continue;
             }
@@ -38,18 +37,18 @@ pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Wr
                 if tx.write_all(&frame::encode(&packet)).await.is_ok() {
                     let _ = tx.flush().await;
                 }
-                chain.sent.signal(());
+                wires.chain_sent.signal(());
                 continue;
             }
             Either3::Third(()) => 0,
         };
         let mut input = chunk.get(..length).unwrap_or_default();
         if length > 0 {
-            chain.received_bytes.signal(());
+            wires.chain_bytes.signal(());
         }
         while let Some(packet) = decoder.next(&mut input, micros(Instant::now())) {
-            chain.received_bytes.reset();
-            let _ = chain.received.try_send(packet);
+            wires.chain_bytes.reset();
+            let _ = wires.chain_received.try_send(packet);
         }
         // A hub that sends without pauses must not keep other tasks from running.
         embassy_futures::yield_now().await;

@@ -90,30 +90,6 @@ impl<M: RawMutex, Request, Report> RequestChannel<M, Request, Report> {
     }
 }
 
-/// The channels between the responder and the task of the chain line. Unused on a board without a chain line.
-pub struct ChainChannels<M: RawMutex> {
-    /// Packets that have arrived: answers to the host, and requests to this hub.
-    pub received: Channel<M, Packet, 4>,
-    /// Packets to send: a request of this hub to a child, and an answer of this hub to its parent.
-    pub send: Channel<M, Packet, 2>,
-    /// Set when the last byte of a packet has been sent.
-    pub sent: Signal<M, ()>,
-    /// Set when bytes or an error of the line arrive. Cleared when the bytes complete a packet.
-    pub received_bytes: Signal<M, ()>,
-}
-
-impl<M: RawMutex> ChainChannels<M> {
-    /// Creates empty channels.
-    const fn new() -> Self {
-        Self {
-            received: Channel::new(),
-            send: Channel::new(),
-            sent: Signal::new(),
-            received_bytes: Signal::new(),
-        }
-    }
-}
-
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
     /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an
@@ -157,9 +133,16 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
     /// True while a drive base uses the gyro, from control to the task of the gyro's bus.
     pub gyro_wanted: Mutex<M, Cell<bool>>,
-    /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender
-    /// repeats it.
-    pub chain: ChainChannels<M>,
+    /// Packets that have arrived on the chain line, to the responder: answers to the host, and requests to this hub. A
+    /// packet that finds the queue full is dropped, and its sender repeats the packet.
+    pub chain_received: Channel<M, Packet, 4>,
+    /// Packets of the responder to the chain line: a request of this hub to a child, and an answer of this hub to its
+    /// parent. A packet that finds the queue full is dropped, and its sender repeats the packet.
+    pub chain_send: Channel<M, Packet, 2>,
+    /// Set when the last byte of a packet has been sent on the chain line.
+    pub chain_sent: Signal<M, ()>,
+    /// Set when bytes or an error of the chain line arrive. Cleared when the bytes complete a packet.
+    pub chain_bytes: Signal<M, ()>,
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
@@ -188,7 +171,10 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             i2c: [const { RequestChannel::new() }; I2C_BUSES],
             gyro: Mutex::new(Cell::new(None)),
             gyro_wanted: Mutex::new(Cell::new(false)),
-            chain: ChainChannels::new(),
+            chain_received: Channel::new(),
+            chain_send: Channel::new(),
+            chain_sent: Signal::new(),
+            chain_bytes: Signal::new(),
             button_permitted: Mutex::new(Cell::new(false)),
             button_setpoint: Mutex::new(Cell::new(Setpoint::Disabled)),
         }

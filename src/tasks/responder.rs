@@ -58,12 +58,12 @@ pub async fn run<M: RawMutex, const N: usize>(
     let mut service = Service::new(responder, devices, wires, show);
     service.await_store().await;
     // The parent no longer waits for answers to requests that have arrived during the wait.
-    wires.chain.received.clear();
+    wires.chain_received.clear();
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
         // `attend` is polled first, so that it also runs if bytes wait already.
-        let from_chain = wires.chain.received.receive();
+        let from_chain = wires.chain_received.receive();
         let next =
             select4(service.attend(), rx.read(&mut chunk), until(decoder.deadline()), from_chain).await;
         let mut from_chain = None;
@@ -88,7 +88,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 Some(packet) => {
                     // The parent sends one request at a time, so the channel has room for the answer.
                     if let Some(reply) = service.answer(&packet, Line::Chain).await {
-                        let _ = wires.chain.send.try_send(reply);
+                        let _ = wires.chain_send.try_send(reply);
                     }
                     None
                 }
@@ -185,7 +185,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
                     None => pending().await,
                 }
             };
-            match select3(send, self.wires.chain.sent.wait(), Timer::at(due)).await {
+            match select3(send, self.wires.chain_sent.wait(), Timer::at(due)).await {
                 Either3::First(number) => self.responder.sent(number),
                 Either3::Second(()) => note_sent_on_chain(self.responder),
                 Either3::Third(()) => (),
@@ -297,18 +297,18 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
 /// Passes events of the chain line to the responder, and sends the next question when the line is free.
 fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Responder<N>, wires: &Wires<M, N>) {
-    if wires.chain.sent.try_take().is_some() {
+    if wires.chain_sent.try_take().is_some() {
         note_sent_on_chain(responder);
     }
     let Some(chain) = &mut responder.chain else { return };
     if !may_ask_on_chain(wires) {
         return;
     }
-    if wires.chain.received_bytes.try_take().is_some() {
+    if wires.chain_bytes.try_take().is_some() {
         chain.note_bytes();
     }
     if let Some(question) = chain.next(now) {
-        let _ = wires.chain.send.try_send(question);
+        let _ = wires.chain_send.try_send(question);
     }
 }
 
@@ -316,7 +316,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
 /// An answer that has arrived must be processed before `Chain::next` checks its time-out. Until then a time-out that
 /// has passed must not wake the task, because the task would wake without end.
 fn may_ask_on_chain<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> bool {
-    wires.chain.received.is_empty() && !wires.chain.send.is_full()
+    wires.chain_received.is_empty() && !wires.chain_send.is_full()
 }
 
 fn note_sent_on_chain<const N: usize>(responder: &mut Responder<N>) {
