@@ -225,8 +225,7 @@ impl GainEstimate {
         if moved != 0 {
             self.share_since_count = 1.0;
         }
-        let Correction { error, gains } = *correction;
-        let age_s = gains.age_s;
+        let Correction { error, age_s, .. } = *correction;
         let s = self.sensitivity.position;
         let innovation = error - s * self.theta;
         let drift = VOLTAGE_NOISE * plant.b * age_s * age_s / 2.0;
@@ -263,9 +262,9 @@ impl GainEstimate {
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);
             }
         }
-        self.sensitivity.position -= gains.position * s;
-        self.sensitivity.speed -= gains.speed * s;
-        self.sensitivity.load -= gains.load * s;
+        self.sensitivity.position -= correction.position * s;
+        self.sensitivity.speed -= correction.speed * s;
+        self.sensitivity.load -= correction.load * s;
     }
 
     /// Returns the new gain at a control tick, in counts/s² per V, and the change of the observer's state that

@@ -79,8 +79,6 @@ pub(super) struct Plant {
     by_drag: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
-    /// Gains for an error that arose within one sample.
-    gains_of_sample: Gains,
     /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
     /// difference to z.
     least_z: f32,
@@ -103,7 +101,6 @@ impl Plant {
         let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
         let [by_emf, by_drag] = [q, drag].map(SampleResponse::new);
         let z_per_sample = expf(-poles * SAMPLE_S);
-        let gains_of_sample = Gains::new(SAMPLE_S, z_per_sample);
         let distinguishes_currents = period.as_millis() > CONTINUOUS_PERIOD_MS;
         Self {
             b,
@@ -114,7 +111,6 @@ impl Plant {
             by_emf,
             by_drag,
             z_per_sample,
-            gains_of_sample,
             least_z,
             least_holding_z,
         }
@@ -157,9 +153,11 @@ impl SampleResponse {
     }
 }
 
-/// Gains of a correction.
+/// A correction of the state: an error of the predicted position, and the gains that correct the state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gains {
+pub(super) struct Correction {
+    /// True position less predicted position, in counts.
+    pub(super) error: f32,
     /// Time within which the error arose, in s.
     pub(super) age_s: f32,
     /// Change of the position per error.
@@ -170,28 +168,20 @@ pub(super) struct Gains {
     pub(super) load: f32,
 }
 
-impl Gains {
-    /// The gains for an error that arose within `age_s` seconds, in which z fell from 1 to `z`.
-    fn new(age_s: f32, z: f32) -> Self {
+impl Correction {
+    /// The correction of an error that arose within `age_s` seconds, in which z fell from 1 to `z`.
+    fn new(error: f32, age_s: f32, z: f32) -> Self {
         let faded = 1.0 - z;
         let rate = 1.0 / age_s;
         let square = faded * faded;
         Self {
+            error,
             age_s,
             position: 1.0 - z * z * z,
             speed: 1.5 * square * (1.0 + z) * rate,
             load: square * faded * rate * rate,
         }
     }
-}
-
-/// A correction of the state, and the gains that made it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Correction {
-    /// True position less predicted position, in counts.
-    pub(super) error: f32,
-    /// Gains of the correction.
-    pub(super) gains: Gains,
 }
 
 /// Sensitivity of the observer's state to b: the change of the state per relative change of b.
@@ -284,8 +274,13 @@ impl Observer {
                 return None;
             }
             self.overdue = true;
-            let gains = if should_stand { plant.gains_of_sample } else { self.take_gains(plant) };
-            return Some(self.correct(plant, self.nearest() - self.x, gains));
+            let error = self.nearest() - self.x;
+            let correction = if should_stand {
+                Correction::new(error, SAMPLE_S, plant.z_per_sample)
+            } else {
+                self.correction(plant, error)
+            };
+            return Some(self.correct(plant, correction));
         }
         self.overdue = false;
         self.x -= moved as f32;
@@ -334,29 +329,29 @@ impl Observer {
         } else {
             return None;
         };
-        let gains = self.take_gains(plant);
-        Some(self.correct(plant, error, gains))
+        let correction = self.correction(plant, error);
+        Some(self.correct(plant, correction))
     }
 
-    /// The gains for the time since the last correction. This time then starts again at 0.
-    fn take_gains(&mut self, plant: &Plant) -> Gains {
+    /// The correction of an error that arose since the last correction. The time since then starts again at 0.
+    fn correction(&mut self, plant: &Plant, error: f32) -> Correction {
         let z = if self.speed_demanded { self.z } else { at_least(self.z, plant.least_holding_z) };
-        let gains = Gains::new(at_least(self.age_s, SAMPLE_S), z);
+        let correction = Correction::new(error, at_least(self.age_s, SAMPLE_S), z);
         (self.age_s, self.z) = (0.0, 1.0);
-        gains
+        correction
     }
 
-    /// Corrects the state by an error of the predicted position, in counts.
-    fn correct(&mut self, plant: &Plant, error: f32, gains: Gains) -> Correction {
-        let (speed, load) = (self.w, self.d);
-        self.x += gains.position * error;
-        self.w = within(self.w + gains.speed * error, FASTEST_CPS);
+    /// Corrects the state. Returns the correction.
+    fn correct(&mut self, plant: &Plant, correction: Correction) -> Correction {
+        let (speed, load, error) = (self.w, self.d, correction.error);
+        self.x += correction.position * error;
+        self.w = within(self.w + correction.speed * error, FASTEST_CPS);
         let largest_load = LARGEST_LOAD_VOLTS * plant.b;
-        self.d = within(self.d + gains.load * error, largest_load);
+        self.d = within(self.d + correction.load * error, largest_load);
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
         let change = self.d - load - self.decay(plant) * (self.w - speed);
         self.acceleration = within(self.acceleration + change, largest_acceleration);
-        Correction { error, gains }
+        correction
     }
 
     /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
