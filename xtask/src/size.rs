@@ -10,7 +10,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         _ => std::slice::from_ref(board::named(arguments)?),
     };
     let mut table = String::from(
-        "| image | flash, kB | limit, kB | static RAM, kB | limit, kB |\n|---|---|---|---|---|\n",
+        "| image | flash, KiB | limit, KiB | static RAM, KiB | limit, KiB |\n|---|---|---|---|---|\n",
     );
     for board in boards {
         let [flash, ram] = check(board)?;
