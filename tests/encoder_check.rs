@@ -216,6 +216,21 @@ fn a_motor_that_is_told_to_stand_is_not_stalled() {
 }
 
 #[test]
+fn a_stalled_motor_without_readings_or_battery_is_no_longer_regulated_nor_stalled() {
+    for settings in settings() {
+        let mut unread = stalled(settings, 50);
+        unread.axes[0].unread_ms = 1_000;
+        let mut without_battery = stalled(settings, 50);
+        without_battery.battery_read = false;
+        for mut bench in [unread, without_battery] {
+            bench.run_ms(500);
+            let Report { stalled, faults, .. } = bench.report();
+            assert!(faults.any() && !stalled, "{faults:?}");
+        }
+    }
+}
+
+#[test]
 fn an_encoder_that_is_lost_after_a_stall_is_found() {
     for (period_ms, settings) in [10, 50, 100].into_iter().flat_map(|ms| settings().map(|one| (ms, one))) {
         let mut bench = stalled(settings, period_ms);

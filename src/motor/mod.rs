@@ -787,7 +787,8 @@ impl Motor {
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
             // without counts is then reported as stalled.
-            stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(self.period),
+            stalled: is_regulated
+                && (self.is_stalled() || current_limited && self.regulator.is_stalled(self.period)),
             emf_constant: Some(self.settings.winding.emf),
             identification: self.identification,
             faults: Faults {
