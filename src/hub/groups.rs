@@ -211,8 +211,10 @@ impl<const N: usize> Groups<N> {
             let Some(ActiveGroup::Moving { group, started_with, settle_detector }) = slot else { continue };
             let members = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
+            let has_fault = reports.iter().zip(members).any(|(report, member)| member && report.faults.any());
             // The members that stay after the loss of a member stop before their end positions.
             let within_tolerance = members == *started_with
+                && !has_fault
                 && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
             let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {

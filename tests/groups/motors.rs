@@ -2,7 +2,7 @@
 
 use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity};
 use crate::{BASE, WHEEL, by, on, to, usual};
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{BridgeFeedback, Drive};
 use motor_hub::group::{Course, GroupCommand, Halt};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
@@ -445,6 +445,17 @@ fn a_group_that_has_lost_a_member_does_not_settle_where_the_others_have_stopped(
         assert!(matches!(other.setpoint, Setpoint::Follow(_)) && other.position < 10_000, "{other:?}");
         assert!(!other.settled, "{period} ms: {other:?}");
     }
+}
+
+#[test]
+fn a_settled_group_is_no_longer_settled_at_the_tick_of_a_fault() {
+    let mut bench = set_up(20, two(), true, [WHEEL; 2]);
+    bench.move_group(together(by([200, 200]), 200.0, 500.0));
+    arrive(&mut bench, |_| ());
+    let fault = BridgeFeedback { current: None, fault: true };
+    bench.hub.set_bridge_feedback(&[fault, BridgeFeedback::default()]);
+    bench.wait_until(100, |bench| bench.snapshot.motors[0].faults.bridge).expect("a fault");
+    assert_eq!(bench.snapshot.motors.map(|motor| motor.settled), [false; 2]);
 }
 
 #[test]
