@@ -3,13 +3,16 @@
 
 mod common;
 
-use common::{BATTERY, Bench, configured, free_cps, inertia, motor, plant, velocity};
+use common::{
+    BATTERY, Bench, ScriptedMotor, configured, dynamics, free_cps, inertia, motor, plant, velocity,
+};
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::Temperatures;
 use motor_hub::model::si::{EmfConstant, Ohms, TorqueConstant};
-use motor_hub::motor::{Settings, ThermalLimit};
+use motor_hub::motor::{Setpoint, Settings, ThermalLimit};
+use motor_hub::units::{Control, Period};
 
 /// The motor after minutes of work: copper 62 K warmer, magnets weaker by a tenth.
 fn hot(motor: &Motor) -> Motor {
@@ -151,4 +154,22 @@ fn a_motor_with_a_thermal_limit_keeps_its_speed_better_when_it_has_become_hot() 
         }
     }
     assert!(with < 0.6 * without, "errors of {with:.1} % in all, without thermal limits {without:.1} %");
+}
+
+#[test]
+fn dynamics_that_replace_those_of_a_hot_motor_together_with_its_thermal_limit_are_used_as_configured() {
+    let cold = motor("AM 60 A");
+    let limited = Settings { thermal: ThermalLimit::new(1_000, 1, 1).ok(), ..configured(&cold, &Load::NONE) };
+    let mut hot = ScriptedMotor::new(limited, Period::DEFAULT);
+    hot.set(Setpoint::ConstantPower(Control::MAX));
+    let step = |motor: &mut ScriptedMotor| {
+        motor.sample(50, 0);
+        motor.step(Some(12_000));
+    };
+    (0..20).for_each(|_| step(&mut hot));
+    assert_ne!(hot.settings().dynamics, limited.dynamics);
+    let unlimited = Settings { thermal: None, dynamics: Some(dynamics(&cold, &inertia(0.05))), ..limited };
+    hot.configure(unlimited);
+    step(&mut hot);
+    assert_eq!(*hot.settings(), unlimited);
 }

@@ -263,6 +263,8 @@ impl Motor {
     /// tick, or between ticks with a direct set-point. A back EMF constant that was lowered because the speed hunted
     /// stays in force if the new settings have the same back EMF constant and the same dynamics as the old settings.
     pub fn configure(&mut self, settings: Settings) {
+        // New dynamics belong to the temperatures by the new thermal limit.
+        self.follow_temperatures(settings.thermal);
         self.configured.configure(&settings);
         let settings = self.configured.in_force(&settings);
         self.regulator.configure(&self.settings, &settings, self.period);
@@ -395,7 +397,7 @@ impl Motor {
         // Estimate position, speed and load.
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
-        self.follow_temperatures();
+        self.follow_temperatures(self.settings.thermal);
         // Decide.
         let request = self.request(battery.as_ref(), moved);
         // Limit and modulate.
@@ -604,10 +606,10 @@ impl Motor {
         })
     }
 
-    /// Corrects the constants in force for the present temperatures. During an identification the constants stay,
-    /// because another back EMF constant would change the duty of a constant voltage.
-    fn follow_temperatures(&mut self) {
-        let temperatures = self.thermal.temperatures(self.settings.thermal);
+    /// Corrects the constants in force for the present temperatures by this thermal limit. During an identification the
+    /// constants stay, because another back EMF constant would change the duty of a constant voltage.
+    fn follow_temperatures(&mut self, limit: Option<ThermalLimit>) {
+        let temperatures = self.thermal.temperatures(limit);
         if !matches!(self.state, MotorState::Identifying(_)) && self.configured.set_temperatures(temperatures)
         {
             self.correct_constants();
