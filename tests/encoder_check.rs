@@ -170,6 +170,28 @@ fn a_slow_unknown_motor_at_a_hard_stop_is_stalled_and_its_encoder_has_no_fault()
 }
 
 #[test]
+fn a_heavy_load_that_is_lowered_onto_a_hard_stop_is_no_fault_of_the_encoder() {
+    let motor = neverest_60();
+    let stall_torque = BATTERY / motor.r.0 * motor.kt.0 * motor.gear_ratio * motor.eta;
+    for (period, share) in
+        [1, 10, 50].into_iter().flat_map(|ms| [0.3, 0.6, 0.7, 0.8].map(|share| (ms, share)))
+    {
+        for settings in configured_and_unknown(&motor, &Load::NONE) {
+            let mut bench = Bench::one(settings, plant(motor, Load::NONE), period);
+            bench.axes[0].torque = share * stall_torque;
+            bench.set(0, velocity(600));
+            bench.run_ms(3_000);
+            let what = format!("{share} of the stall torque, {period} ms period");
+            assert_eq!(fault(&bench), None, "on the way down: {what}");
+            bench.axes[0].stops.1 = bench.counts(0) + 20.0;
+            bench.run_ms(4_000);
+            assert_eq!(fault(&bench), None, "{what}");
+            assert!(bench.report().stalled, "{what}: {:?}", bench.report());
+        }
+    }
+}
+
+#[test]
 fn a_load_that_overpowers_a_current_limit_is_no_reversed_encoder_in_any_scheme() {
     let motor = neverest_60();
     let stall_amperes = BATTERY / motor.r.0;

@@ -383,16 +383,19 @@ impl Suspect {
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
-        // The probe turns in the other direction, where a load that resisted the run helps. So the probe meets no more
-        // resistance than the run did. The resisting volts of the run include the uncertainty of the estimate once, and
-        // the probe adds the uncertainty a second time. The heaviest friction is assumed for a motor that started from
-        // rest, or that was driven by its load.
-        let resisting_volts = run
-            .map(|run| run.resisting_volts(tick))
-            .filter(|volts| *volts > Expected::UNCERTAINTY_VOLTS)
-            .map_or(Expected::FRICTION_VOLTS, |volts| {
+        // The probe turns in the other direction, where a load that resisted the run helps, and a load that drove the motor
+        // resists. So after a run against a load the probe meets no more resistance than the run did. The resisting volts
+        // of the run include the uncertainty of the estimate once, and the probe adds the uncertainty a second time. The
+        // heaviest friction is assumed for a motor that started from rest, and at least the load for a motor that was
+        // driven by its load.
+        let resisting_volts = run.map_or(Expected::FRICTION_VOLTS, |run| {
+            let volts = run.resisting_volts(tick);
+            if volts > Expected::UNCERTAINTY_VOLTS {
                 Expected::FRICTION_VOLTS.min(volts + Expected::UNCERTAINTY_VOLTS)
-            });
+            } else {
+                Expected::FRICTION_VOLTS.max(2.0 * Expected::UNCERTAINTY_VOLTS - volts)
+            }
+        });
         let time_constant =
             if tick.counts_slowly() { Self::SLOW_COUNTING_TIME_CONSTANT_S } else { Self::TIME_CONSTANT_S };
         let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
