@@ -62,7 +62,7 @@
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
 //! | is slow-counting or heavy, and turned steadily or has a least gain | more than 250 ms, until the expected distance is reached |
 //! | without a least gain, last turned, or first driven, in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
-//! | without a least gain, has toggled a few times | 1 s: a heavy motor may take 0.8 s to start |
+//! | without a least gain, has toggled one to three times | 2.8 s: a heavy motor may take 0.8 s to start, and 2 s in the probe |
 //! | without a least gain and slow-counting | some 4 s |
 //! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
 //!
@@ -259,7 +259,7 @@ impl EncoderCheck {
             }
             State::RunningAway(_) => State::Watching(Expected::NONE),
             State::Releasing { suspect, .. } | State::Probing { suspect, .. } if moved => suspect.stall(),
-            State::Releasing { suspect, ms } => suspect.release(ms + tick.period_ms()),
+            State::Releasing { suspect, ms } => suspect.release(ms + tick.period_ms(), tick),
             State::Probing { suspect, expected } => suspect.probe(expected, last_motion.may_creep(), tick),
             State::Faulty(fault) => State::Faulty(fault),
         };
@@ -289,7 +289,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
-    // The first tick of a silence also adds the time between the last motion and this tick.
+    // The first counted tick of a silence also adds the time between the last motion and this tick.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
@@ -410,13 +410,13 @@ impl Suspect {
         }
     }
 
-    /// Executes a tick of Releasing without a motion. `ms` is the time since the release began. Begins the probe when
-    /// the release is over.
-    fn release(self, ms: u32) -> State {
-        if ms < Self::SHORTEST_MS {
-            State::Releasing { suspect: self, ms }
-        } else {
+    /// Executes a tick of Releasing without a motion. `ms` is the time since the release began. Begins the probe at the
+    /// tick that is nearest to the time of a release.
+    fn release(self, ms: u32, tick: &Tick<'_>) -> State {
+        if 2 * ms + tick.period_ms() > 2 * Self::SHORTEST_MS {
             State::Probing { suspect: self, expected: Expected::NONE }
+        } else {
+            State::Releasing { suspect: self, ms }
         }
     }
 

@@ -83,7 +83,7 @@ impl Expected {
     /// The state before the first step.
     pub(super) const NONE: Self = Self { ms: 0, speed_cps: None, distance_counts: 0.0, driven_ms: 0 };
 
-    /// Adds a step of a motor that accelerates from rest, in counts/s².
+    /// Adds a step of a motor that accelerates from rest. `acceleration` is in counts/s².
     ///
     /// `speed` is the motor's estimated speed in counts/s, positive in the requested direction. A motor that turns in
     /// the other direction must stop first. A motor that turns in the requested direction is treated like a motor at
@@ -132,7 +132,7 @@ impl Expected {
 }
 
 impl Run {
-    /// Largest resisting torque of the load of the run, in volts. The value is below 0 if the load drives the motor
+    /// Largest resisting torque of the load of the run, in volts, at most [`Expected::FRICTION_VOLTS`]. The value is below 0 if the load drives the motor
     /// by more than the uncertainty.
     pub(super) fn resisting_volts(&self, tick: &Tick<'_>) -> f32 {
         // The estimated disturbance lags behind a new load. The drive voltage beyond the back EMF does not lag.

@@ -10,7 +10,7 @@ use crate::protocol::{Nack, Reply};
 use crate::units::CountsPerSecond;
 
 impl<const N: usize> Responder<N> {
-    /// Moves a group that has the motor `addressed` as a member.
+    /// Queues the course of a group that has the motor `addressed` as a member.
     ///
     /// # Errors
     /// Refuses a group without the motor `addressed`, a member that the hub does not have, and a member that is not
@@ -58,8 +58,9 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Deletes the pending courses that move one of these motors. The other members of a deleted course halt, as the
-    /// members of a group that waits to start: with [`Halt::Stop`] they get the velocity 0, with [`Halt::Coast`] they
-    /// are disabled. If a member of the course is disabled, the others are always disabled.
+    /// members of a group that waits to start: with [`Halt::Stop`] they get the velocity 0, with [`Halt::Coast`] the
+    /// set-point [`Setpoint::Disabled`]. If a host has disabled a member of the course, the others always get this
+    /// set-point.
     pub(super) fn delete_courses(&mut self, leaving: [bool; N]) {
         for slot in &mut self.courses {
             let leaves = |command: &mut GroupCommand| {
