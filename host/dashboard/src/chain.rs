@@ -124,19 +124,11 @@ impl Chain {
     /// # Errors
     /// The line fails, or the other hub does not answer.
     pub(crate) fn ask_another(&mut self, session: &mut Session, frame: u64) -> Result<(), Error> {
-        let shown = Address::new(session.address());
-        let mut others: Vec<_> = self.hubs.iter_mut().filter(|hub| !hub.shown && !hub.lost).collect();
-        let turn = (frame / FRAMES_PER_QUERY) as usize % others.len().max(1);
-        let (true, Some(other), Some(shown)) =
-            (frame.is_multiple_of(FRAMES_PER_QUERY), others.get_mut(turn), shown)
-        else {
-            return Ok(());
-        };
-        let Some(address) = Address::new(other.address) else { return Ok(()) };
-        session.select_hub(address);
-        let asked = query_running(session);
-        session.select_hub(shown);
-        (other.running, other.fault) = asked?;
+        let is_other = |hub: &HubOfChain| !hub.shown && !hub.lost;
+        if let Some((hub, answer)) = self.ask_next(session, frame, FRAMES_PER_QUERY, is_other, query_running)
+        {
+            (hub.running, hub.fault) = answer?;
+        }
         Ok(())
     }
 
@@ -146,28 +138,43 @@ impl Chain {
     /// # Errors
     /// The line fails.
     pub(crate) fn ask_lost(&mut self, session: &mut Session, frame: u64) -> Result<Option<u8>, Error> {
-        let shown = Address::new(session.address());
-        let mut lost: Vec<_> = self.hubs.iter_mut().filter(|hub| hub.lost).collect();
-        let turn = (frame / FRAMES_PER_RETRY) as usize % lost.len().max(1);
-        let (true, Some(hub), Some(shown)) =
-            (frame.is_multiple_of(FRAMES_PER_RETRY), lost.get_mut(turn), shown)
-        else {
-            return Ok(None);
+        let disable = |session: &mut Session| {
+            session.set_timeout(LOST_TIMEOUT);
+            let answer = session.fail_safe();
+            session.set_timeout(REQUEST_TIMEOUT);
+            answer
         };
-        let Some(address) = Address::new(hub.address) else { return Ok(None) };
-        session.select_hub(address);
-        session.set_timeout(LOST_TIMEOUT);
-        let answer = session.fail_safe();
-        session.set_timeout(REQUEST_TIMEOUT);
-        session.select_hub(shown);
-        match answer {
-            Err(error @ (Error::Line(_) | Error::HungUp)) => Err(error),
-            Err(_) => Ok(None),
-            Ok(()) => {
+        match self.ask_next(session, frame, FRAMES_PER_RETRY, |hub| hub.lost, disable) {
+            Some((_, Err(error @ (Error::Line(_) | Error::HungUp)))) => Err(error),
+            None | Some((_, Err(_))) => Ok(None),
+            Some((hub, Ok(()))) => {
                 hub.lost = false;
                 Ok(Some(hub.address))
             }
         }
+    }
+
+    /// In each frame whose number is a multiple of `interval`, asks the next one of these hubs. Returns the hub and its
+    /// answer; `None` if no hub was asked.
+    fn ask_next<T>(
+        &mut self,
+        session: &mut Session,
+        frame: u64,
+        interval: u64,
+        of_these: impl Fn(&HubOfChain) -> bool,
+        ask: impl FnOnce(&mut Session) -> Result<T, Error>,
+    ) -> Option<(&mut HubOfChain, Result<T, Error>)> {
+        if !frame.is_multiple_of(interval) {
+            return None;
+        }
+        let shown = Address::new(session.address())?;
+        let mut hubs: Vec<_> = self.hubs.iter_mut().filter(|hub| of_these(hub)).collect();
+        let next = (frame / interval) as usize % hubs.len().max(1);
+        let hub = (next < hubs.len()).then(|| hubs.swap_remove(next))?;
+        session.select_hub(Address::new(hub.address)?);
+        let answer = ask(session);
+        session.select_hub(shown);
+        Some((hub, answer))
     }
 
     /// Disables the motors of all hubs that are not lost.
