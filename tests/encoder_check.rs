@@ -4,7 +4,7 @@ mod common;
 
 use common::{
     BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia,
-    motor, neverest_60, plant, position, rotors, rough, unknown, velocity,
+    motor, neverest_60, plant, position, rotors, rough, stall_torque, unknown, velocity,
 };
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
@@ -187,13 +187,12 @@ fn a_slow_unknown_motor_at_a_hard_stop_is_stalled_and_its_encoder_has_no_fault()
 #[test]
 fn a_heavy_load_that_is_lowered_onto_a_hard_stop_is_no_fault_of_the_encoder() {
     let motor = neverest_60();
-    let stall_torque = BATTERY / motor.r.0 * motor.kt.0 * motor.gear_ratio * motor.eta;
     for (period, share) in
         [1, 10, 50].into_iter().flat_map(|ms| [0.3, 0.6, 0.7, 0.8].map(|share| (ms, share)))
     {
         for settings in configured_and_unknown(&motor, &Load::NONE) {
             let mut bench = Bench::one(settings, plant(motor, Load::NONE), period);
-            bench.axes[0].torque = share * stall_torque;
+            bench.axes[0].torque = share * stall_torque(&motor);
             bench.set(0, velocity(600));
             bench.run_ms(3_000);
             let what = format!("{share} of the stall torque, {period} ms period");
@@ -210,13 +209,12 @@ fn a_heavy_load_that_is_lowered_onto_a_hard_stop_is_no_fault_of_the_encoder() {
 fn a_load_that_overpowers_a_current_limit_is_no_reversed_encoder_in_any_scheme() {
     let motor = neverest_60();
     let stall_amperes = BATTERY / motor.r.0;
-    let stall_torque = stall_amperes * motor.kt.0 * motor.gear_ratio * motor.eta;
     for (period, scheme) in [1, 10, 50].into_iter().flat_map(|ms| Scheme::ALL.map(|scheme| (ms, scheme))) {
         for settings in configured_and_unknown(&motor, &Load::NONE) {
             let limit = NonZeroU16::new((555.0 * stall_amperes) as u16);
             let settings = Settings { scheme, current_limit: limit, ..settings };
             let mut bench = Bench::one(settings, plant(motor, Load::NONE), period);
-            bench.axes[0].torque = 0.6 * stall_torque;
+            bench.axes[0].torque = 0.6 * stall_torque(&motor);
             bench.set(0, velocity(-1_200));
             bench.run_ms(3_000);
             assert!(bench.speed(0) > 500.0, "{scheme:?}, {period} ms: {} counts/s", bench.speed(0));

@@ -4,7 +4,7 @@ mod common;
 
 use common::{
     BATTERY, Bench, Cable, NO_STOPS, ScriptedMotor, configured, configured_and_unknown, free_cps, inertia,
-    motor, neverest_60, plant, position, rotors, rough, unknown, velocity, winding,
+    motor, neverest_60, plant, position, rotors, rough, stall_torque, unknown, velocity, winding,
 };
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::model::catalogue::Motor;
@@ -336,7 +336,7 @@ type Act = fn(&mut Bench<1>);
 #[test]
 fn a_motor_that_was_shaken_in_its_position_is_softer_until_its_next_set_point_or_other_coefficients() {
     let motor = neverest_60();
-    let stall = motor.kt.0 * BATTERY / motor.r.0 * motor.gear_ratio * motor.eta;
+    let stall = stall_torque(&motor);
     // Largest change of the speed at a sudden load, which begins this long after the new set-point.
     let moved_after = |rest_ms: u64, shaken: bool, and_then: Act| {
         let settings = configured(&motor, &Load::NONE);

@@ -64,6 +64,11 @@ pub(crate) fn free_cps(motor: &Motor) -> f64 {
     BATTERY / motor.ke.0 / TAU * motor.counts_per_rev_motor
 }
 
+/// Returns the stall torque of a motor at the voltage of the bench's battery, on the output shaft in N m.
+pub(crate) fn stall_torque(motor: &Motor) -> f64 {
+    motor.stall_torque(Volts(BATTERY)).0 * motor.gear_ratio * motor.eta
+}
+
 /// Returns the winding as a user would configure it.
 pub(crate) fn winding(motor: &Motor) -> Winding {
     Winding {

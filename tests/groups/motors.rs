@@ -1,6 +1,6 @@
 //! Motors that move in step, on simulated plants.
 
-use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity};
+use crate::common::{self, Cable, NO_STOPS, configured, motor, stall_torque, unknown, velocity};
 use crate::{BASE, WHEEL, by, on, to, usual};
 use motor_hub::bridge::{BridgeFeedback, Drive};
 use motor_hub::group::{Course, GroupCommand, Halt};
@@ -87,9 +87,8 @@ fn two() -> [Motor; 2] {
 /// Returns the drag that takes this share of the right motor's stall torque at its free speed.
 fn drag(share: f64) -> Drag {
     let [_, motor] = two();
-    let stall = motor.kt.0 * 12.0 / motor.r.0 * motor.gear_ratio * motor.eta;
     let free = 12.0 / motor.ke.0 / motor.gear_ratio;
-    Drag(share * stall / free)
+    Drag(share * stall_torque(&motor) / free)
 }
 
 #[test]
