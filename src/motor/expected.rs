@@ -132,8 +132,8 @@ impl Expected {
 }
 
 impl Run {
-    /// Largest resisting torque of the load of the run, in volts, at most [`Expected::FRICTION_VOLTS`]. The value is below 0 if the load drives the motor
-    /// by more than the uncertainty.
+    /// Largest resisting torque of the load of the run, in volts, at most [`Expected::FRICTION_VOLTS`]. The value is
+    /// below 0 if the load drives the motor by more than the uncertainty.
     pub(super) fn resisting_volts(&self, tick: &Tick<'_>) -> f32 {
         // The estimated disturbance lags behind a new load. The drive voltage beyond the back EMF does not lag.
         let load = (-self.disturbance_cps2 / tick.regulator.gain())
