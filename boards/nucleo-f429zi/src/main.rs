@@ -125,7 +125,7 @@ async fn main(spawner: Spawner) {
             Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
             Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
         ],
-        button: Input::new(p.PC13, Pull::None),
+        button: Input::new(p.PC13, Pull::Down),
         store: Keeper::new(region, STORE).filter(|_| chip::reads_second_bank()),
     };
     start(spawner, parts);

@@ -78,7 +78,7 @@ async fn main(spawner: Spawner) {
             analog: None,
             i2c: 0,
         },
-        button: Input::new(p.PC13, Pull::None),
+        button: Input::new(p.PC13, Pull::Down),
     };
     start(spawner, parts);
 }

@@ -143,7 +143,7 @@ async fn main(spawner: Spawner) {
             Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
             Bus::new::<I2C4>(i2c::i2c4(), p.PB6, p.PB7),
         ],
-        button: Input::new(p.PC13, Pull::None),
+        button: Input::new(p.PC13, Pull::Down),
         store: Keeper::new(part(layout::STORE), 0..layout::STORE.end - layout::STORE.start),
     };
     let slots = Slots::new(booted, part(layout::DOWNLOAD), part(layout::STATE));

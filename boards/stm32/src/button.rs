@@ -10,7 +10,8 @@ use motor_hub::units::Micros;
 
 const POLL: Duration = Duration::from_millis(10);
 
-/// Polls the button and sends its commands. A pressed button pulls its pin high.
+/// Polls the button and sends its commands. A pressed button pulls its pin high. The pin needs a pull-down: motors could turn if
+/// an open pin read as high.
 pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(POLL);
     let mut button = Button::default();

@@ -51,6 +51,7 @@ pub(crate) fn halted_cores_noisy_encoders_and_open_lines_find_their_registers_se
         ("DBG_TIM1_STOP: a halted core stops the PWM", freeze, 0..=0, 1),
         ("OSSI: the pins of a halted timer are driven low", TIM1_BDTR, 10..=10, 1),
         ("PD9, RX: an undriven line of the host is pulled up", pulls(3), 18..=19, 0b01),
+        ("PC13: a button that is not connected reads as released", pulls(2), 26..=27, 0b10),
     ];
     for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4001_0400] {
         // CKD divides the timer's clock by 4. IC1F and IC2F divide it by 32 more, and need eight equal samples.
