@@ -30,6 +30,7 @@ use embassy_boot_stm32::{BootLoader, BootLoaderConfig};
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_futures::{block_on, yield_now};
 use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::pac::gpio::vals::Pupdr;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, pac, peripherals, rcc};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -65,6 +66,7 @@ fn main() -> ! {
     let mut p = embassy_stm32::init(clocks());
     watch(p.IWDG1.reborrow(), SWAP_MICROS);
     let lamp = Output::new(p.PB14, Level::Low, Speed::Low);
+    release_encoders();
     let Some(mut core) = Peripherals::take() else { SCB::sys_reset() };
     execute_first_bank_only(&mut core.MPU);
     tick(&mut core.SYST, true);
@@ -110,6 +112,13 @@ fn clocks() -> embassy_stm32::Config {
     config.rcc.hsi48 = None;
     config.rcc.ls = rcc::LsConfig::off();
     config
+}
+
+/// Switches the pull-ups of JTAG off, which PA15 and PB4 have after a reset (RM0433 11.4.4). Encoders are on these pins, and the
+/// pins take 5 V only without a pull-up (DS12110, I/O static characteristics). A swap lasts half a minute.
+fn release_encoders() {
+    pac::GPIOA.pupdr().modify(|w| w.set_pupdr(15, Pupdr::FLOATING));
+    pac::GPIOB.pupdr().modify(|w| w.set_pupdr(4, Pupdr::FLOATING));
 }
 
 /// Starts the watchdog, or changes its time-out.

@@ -179,6 +179,17 @@ fn the_red_lamp_blinks_during_a_swap() {
     assert!((19..=20).contains(&changes), "{changes} changes in {:?}", bench.now());
 }
 
+/// A reset switches JTAG's pull-ups on, and a pin takes the 5 V of an encoder only without a pull-up.
+#[test]
+fn encoders_find_no_pull_up_during_a_swap() {
+    let mut bench = powered_on(armed().flash);
+    bench.run(ms(1));
+    // PUPDR of GPIOA and GPIOB.
+    for (at, pin) in [(0x5802_000C, 15), (0x5802_040C, 4)] {
+        assert_eq!(bench.register(at) >> (2 * pin) & 0b11, 0, "pull on pin {pin} at {at:#x}");
+    }
+}
+
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_goes_on() {
