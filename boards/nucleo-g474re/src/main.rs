@@ -52,6 +52,7 @@ async fn main(spawner: Spawner) {
 
     static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::EMPTY);
     let pwm = Pwm::new(p.TIM1);
+    chip::break_pwm();
     let bridges = [
         pwm.bridge(p.PA8, low(p.PC0), low(p.PC1)),
         pwm.bridge(p.PA9, low(p.PC2), low(p.PC3)),

@@ -18,6 +18,7 @@
 //! | [`connectors`] | digital pins, servo outputs and analog inputs together |
 //! | [`i2c_bus`] | an I2C bus for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
+//! | `system_break` | the break of the PWM timer by a lock-up or by a falling supply, in the G47x and the H74x |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | handlers of panics and faults, which first open the bridges |
 //! | [`record`] | memory that a reset does not clear, and the cause of the reset |
@@ -52,6 +53,8 @@ pub mod servo;
 pub mod stack;
 pub mod status;
 pub mod supply;
+#[cfg(any(feature = "g47x", feature = "h74x"))]
+mod system_break;
 #[cfg(any(feature = "g47x", feature = "h74x"))]
 pub mod two_converters;
 pub mod vnh5019;

@@ -3,7 +3,7 @@
 //! The stack is at RAM's low end (`sections.x`), and the memory protection unit forbids its lowest part. The unit is off while
 //! a HardFault is handled (HFNMIENA is 0; PM0214 and PM0253 4.2), so the handler uses the guarded memory as its stack. A stack
 //! frame larger than the guard could reach below the beginning of RAM. The core then locks up in its first fault, and the watchdog
-//! resets the chip. An H743 from revision V on also switches its PWM off when the core locks up.
+//! resets the chip. An H743 from revision V on, and a G474, also switch their PWM off when the core locks up.
 
 use crate::mpu::{FULL_ACCESS, NEVER_EXECUTED, WRITTEN_THROUGH, protect, region};
 use core::ops::Range;

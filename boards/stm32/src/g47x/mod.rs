@@ -5,7 +5,7 @@ pub mod adc;
 
 pub use crate::after_clocks::set_up;
 
-use crate::record;
+use crate::{record, system_break};
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 
@@ -35,6 +35,19 @@ pub fn clocks() -> embassy_stm32::Config {
     config.rcc.hsi48 = None;
     config.rcc.ls = rcc::LsConfig::off();
     config
+}
+
+/// Makes the chip switch all PWM off without any code when the core locks up or the supply falls (RM0440 28.3.16, break sources;
+/// SYSCFG_CFGR2). Call this function after the set-up of TIM1. The connection of the supply also locks the setting of the
+/// voltage detector.
+///
+/// Double ECC errors of the flash are not connected: they raise the NMI, whose handler opens the bridges.
+pub fn break_pwm() {
+    pac::SYSCFG.cfgr2().modify(|w| {
+        w.set_cll(true);
+        w.set_pvdl(true);
+    });
+    system_break::enable();
 }
 
 /// Returns the cause of the last reset, and clears the reset flags.

@@ -6,11 +6,10 @@ pub mod analog;
 pub mod current;
 pub mod i2c;
 
-use crate::{record, stack};
+use crate::{record, stack, system_break};
 use core::ptr::with_exposed_provenance_mut;
 use cortex_m::peripheral::MPU;
 use embassy_stm32::pac::common::{RW, Reg};
-use embassy_stm32::pac::timer::vals::Bkp;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 
@@ -105,15 +104,7 @@ pub fn break_pwm() {
     // accesses the register.
     let connections = unsafe { Reg::<u32, RW>::from_ptr(with_exposed_provenance_mut(SYSCFG_CFGR)) };
     connections.write_value(LOCK_UP_BREAKS | SUPPLY_BREAKS);
-    // The pin BKIN is not a break source, because no driver sets it up. Its disabled input is low, and the break input
-    // is active high.
-    pac::TIM1.af1().modify(|w| w.set_bkine(false));
-    pac::TIM1.bdtr().modify(|w| {
-        w.set_bkp(0, Bkp::ACTIVE_HIGH);
-        w.set_bke(0, true);
-    });
-    // The timer may have taken the change of polarity for a break, which clears MOE. MOE is therefore set again.
-    pac::TIM1.bdtr().modify(|w| w.set_moe(true));
+    system_break::enable();
 }
 
 /// Returns the cause of the last reset, and clears the reset flags.
