@@ -24,7 +24,7 @@ mod repeated {
 
     on_h743!(
         boot::bridges_stay_open_from_power_on_without_a_command,
-        boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
+        boot::pins_drive_their_idle_levels_within_milliseconds_of_reset,
         running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
         running::the_log_shows_the_speeds_and_the_voltage_of_the_physics,
         chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,

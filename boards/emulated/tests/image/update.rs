@@ -138,7 +138,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
+fn behind_the_bootloader_pins_drive_their_idle_levels_within_milliseconds_of_reset() {
     let safe = on(BOARD, || {
         let mut bench = Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) });
         let safe = first_safe_output(&mut bench);
