@@ -37,8 +37,8 @@ pub fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Makes the chip switch all PWM off without any code when the core locks up or the supply falls (RM0440 28.3.16, break sources;
-/// SYSCFG_CFGR2). Call this function after the set-up of TIM1. The connection of the supply also locks the setting of the
+/// Makes the chip switch all PWM off without any code when the core locks up or the supply falls (RM0440, SYSCFG_CFGR2 and the
+/// break function of TIM1). Call this function after the set-up of TIM1. The connection of the supply also locks the setting of the
 /// voltage detector.
 ///
 /// Double ECC errors of the flash are not connected: they raise the NMI, whose handler opens the bridges.
