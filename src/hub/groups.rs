@@ -197,9 +197,9 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Finishes a tick of all moving groups. Sets `settled` in the members' reports: true for all members if the whole
-    /// group has settled. A group that has lost a member never settles. Removes members with a fault from their group,
-    /// and halts the other members.
+    /// Finishes a tick of all moving groups. Removes members with a fault from their group, and halts the other members.
+    /// Sets `settled` in the members' reports: true for all members if the whole group has settled. A group that has
+    /// lost a member never settles.
     pub(super) fn review(
         &mut self,
         reports: &mut [Report; N],
@@ -210,25 +210,23 @@ impl<const N: usize> Groups<N> {
         for slot in &mut self.states {
             let Some(ActiveGroup::Moving { group, started_with, settle_detector }) = slot else { continue };
             let members = *group.members();
-            let positions = reports.each_ref().map(|report| report.position);
-            let has_fault = reports.iter().zip(members).any(|(report, member)| member && report.faults.any());
-            // The members that stay after the loss of a member stop before their end positions.
-            let within_tolerance = members == *started_with
-                && !has_fault
-                && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
-            let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
-            for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
-                if members.get(index) != Some(&true) {
-                    continue;
-                }
-                report.settled = settled;
-                if report.faults.any() {
+            for (index, (report, motor)) in reports.iter().zip(motors.iter_mut()).enumerate() {
+                if members.get(index) == Some(&true) && report.faults.any() {
                     group.remove(index);
                     // Disabling the motor would clear the fault before a host has read it.
                     motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
                 }
             }
-            if *group.members() != members && halt_group(group, group.halt(), motors) {
+            let staying = *group.members();
+            let positions = reports.each_ref().map(|report| report.position);
+            // The members that stay after the loss of a member stop before their end positions.
+            let within_tolerance = staying == *started_with
+                && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
+            let settled = settle_detector.step(within_tolerance, fastest(&staying, reports), period);
+            for (report, stays) in reports.iter_mut().zip(staying) {
+                report.settled |= stays && settled;
+            }
+            if staying != members && halt_group(group, group.halt(), motors) {
                 *slot = None;
             }
         }
