@@ -233,6 +233,30 @@ fn after_a_rest_a_motor_starts_with_the_voltage_of_its_first_start_in_both_direc
 }
 
 #[test]
+fn a_motor_that_held_a_load_before_it_was_disabled_starts_as_fast_in_both_directions() {
+    for period_ms in [10, 50] {
+        let after_a_load = |stall_share, cps| {
+            let mut bench = with_friction(neverest_60(), inertia(0.01), 1_200, period_ms);
+            bench.set(0, position(0, 5, 2_000));
+            bench.run_ms(500);
+            bench.axes[0].torque = stall_share * stall_torque(&neverest_60());
+            bench.run_ms(3_000);
+            bench.axes[0].torque = 0.0;
+            bench.set(0, Setpoint::Disabled);
+            bench.run_ms(1_500);
+            bench.set(0, position(0, 5, 2_000));
+            bench.run_ms(500);
+            bench.set(0, velocity(cps));
+            bench.run_ms(50);
+            bench.speed(0).abs()
+        };
+        let speeds = [0.3, -0.3].map(|share| [300, -300].map(|cps| after_a_load(share, cps)));
+        let [least, most] = [f64::min, f64::max].map(|of| speeds.as_flattened().iter().copied().reduce(of));
+        assert!(least.zip(most).is_some_and(|(least, most)| least > 0.8 * most), "{speeds:.0?} counts/s");
+    }
+}
+
+#[test]
 fn dynamics_with_friction_that_are_configured_while_the_motor_turns_change_the_voltage_by_little() {
     let mut bench = with_friction(motor("AM 60 A"), Load::NONE, 2_000, 10);
     let dynamics = bench.settings[0].dynamics;

@@ -74,8 +74,9 @@ impl Law {
     }
 
     /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
-    /// load includes no friction.
+    /// load includes no friction. The load is then not compared with the load of a motor that was held before.
     pub(super) fn set_friction_speed(&mut self, speed: f32) {
+        self.held = None;
         self.friction_side = if speed.abs() > REVERSING_CPS { 1.0f32.copysign(speed) } else { 0.0 };
     }
 
