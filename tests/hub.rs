@@ -12,7 +12,7 @@ use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
 use motor_hub::units::{
-    Acceleration, Coefficient, Control, CountsPerSecond, Micros, Millivolts, Period, RangeError,
+    Acceleration, Coefficient, Control, CountsPerSecond, Micros, Millivolts, Period, RangeError, Share,
 };
 use proptest::prelude::*;
 
@@ -300,6 +300,23 @@ fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
     bench.set(0, velocity(1_000));
     let again = tick_control(&mut bench);
     assert!((again.get() - fresh.get()).abs() < ONE_PERCENT, "{again:?} {fresh:?}");
+}
+
+#[test]
+fn a_limit_of_a_command_before_does_not_hold_the_integral() {
+    let only_i = Pidf { i: q16(1), ..Pidf::default() };
+    let controls = |before: Setpoint| {
+        let mut bench = Bench::turned(with_velocity(only_i), [0.0]);
+        bench.supply.0 = Share::NONE;
+        bench.set(0, before);
+        bench.tick();
+        bench.supply.0 = Share::ALL;
+        bench.set(0, Setpoint::Disabled);
+        settle(&mut bench);
+        bench.set(0, velocity(1_000));
+        [(); 3].map(|()| tick_control(&mut bench))
+    };
+    assert_eq!(controls(velocity(2_000)), controls(Setpoint::Disabled));
 }
 
 #[test]

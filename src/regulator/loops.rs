@@ -68,9 +68,10 @@ pub(super) struct Inputs<'a> {
 }
 
 impl Loops {
-    /// Sets how the velocity loop begins at the next step, and resets the position loop.
+    /// Sets how the velocity loop begins at the next step, and resets the position loop. The excess of the last request
+    /// says nothing about the next.
     pub(super) const fn begin(&mut self, start: Start) {
-        self.start = start;
+        (self.start, self.excess_volts) = (start, 0.0);
         self.position.reset();
     }
 
