@@ -12,7 +12,7 @@ use motor_hub::model::load::Load;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{EncoderFault, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Coefficient, Control, Duty, Millivolts, Period};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Milliamperes, Millivolts, Period};
 use std::num::NonZeroU16;
 
 /// Inertia on the output shaft in kg m², unless a test has another.
@@ -391,6 +391,37 @@ fn open_loop_power_resets_the_encoder_check() {
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     bench.run_ms(10);
     assert!(!bench.report().stalled);
+}
+
+#[test]
+fn a_motor_without_counts_at_constant_power_or_current_is_not_driven_when_it_should_stand() {
+    let current = Milliamperes::new(500);
+    let speed_limit = CountsPerSecond::new(1_000);
+    let unregulated =
+        [Setpoint::ConstantPower(Control::new(16_000)), Setpoint::Current { current, speed_limit }];
+    let pid = Some(Coefficients::suggested(Winding::NEVEREST_60.emf));
+    let all = settings().map(|settings| [settings, Settings { coefficients: pid, ..settings }]);
+    for &settings in all.as_flattened() {
+        for (before, stops) in
+            unregulated.into_iter().flat_map(|before| [true, false].map(|stops| (before, stops)))
+        {
+            let mut bench = with(50, settings);
+            bench.set(0, before);
+            bench.run_ms(500);
+            // A hard stop and an unplugged encoder look alike.
+            if stops {
+                bench.axes[0].stops = STOPS;
+            } else {
+                bench.axes[0].cable = Cable::Unplugged;
+            }
+            bench.run_ms(3_000);
+            bench.set(0, velocity(0));
+            bench.run_ms(200);
+            let volts = bench.report().voltage.to_volts();
+            let known = settings.dynamics.is_some();
+            assert!(volts.abs() < 0.5, "{volts} V after {before:?}, configured: {known}, at a stop: {stops}");
+        }
+    }
 }
 
 #[test]

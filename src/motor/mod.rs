@@ -306,12 +306,12 @@ impl Motor {
                 Transition::FromStop
             } else if from == Setpoint::ConstantPower(Control::ZERO) {
                 Transition::FromBrake
-            } else if !from.is_regulated() {
-                Transition::FromOpenLoop
-            } else if discriminant(&to) != discriminant(&from) {
-                Transition::Mode
+            } else if from.is_regulated() {
+                if discriminant(&to) == discriminant(&from) { Transition::Target } else { Transition::Mode }
+            } else if to.is_regulated() && self.regulator.is_blocked() {
+                Transition::FromStop
             } else {
-                Transition::Target
+                Transition::FromOpenLoop
             };
             self.regulator.transition(transition);
             if let Setpoint::Current { .. } = from {

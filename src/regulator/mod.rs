@@ -103,7 +103,8 @@ pub enum Transition {
     /// The motor leaves constant power 0, or a fault at which it brakes. The current of its short circuit is not
     /// continued.
     FromBrake,
-    /// The motor leaves a stop, or a release or a probe of the encoder check.
+    /// The motor leaves a stop, or a release or a probe of the encoder check. Also a motor that was driven without
+    /// regulation, and whose encoder has sent no count for 100 ms.
     FromStop,
 }
 
@@ -460,6 +461,13 @@ impl Regulator {
     pub const fn is_stalled(&self, period: Period) -> bool {
         // The first tick adds a whole period, although the request begins only at the end of this tick.
         self.stalled_ms >= STALLED_MS + period.as_millis()
+    }
+
+    /// True if the bridge is closed, but the encoder has sent no count for 100 ms. Without regulation the estimated load
+    /// is then the counterforce of a stop, or there are no counts.
+    pub fn is_blocked(&self) -> bool {
+        let silent = |last: Reading| last.at.since(last.edge_at) >= 1_000 * u64::from(STALLED_MS);
+        self.volts.is_some() && self.last.is_some_and(silent)
     }
 
     /// Acceleration per volt in counts/s²: configured, estimated or the initial guess.

@@ -75,6 +75,8 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
     let (from, start) = (subject.speed(), subject.position());
     let stopped = subject.bench.axes[0].stops != NO_STOPS;
     let interrupted = matches!(event, Event::BatteryGap | Event::EncoderGap);
+    // A motor whose regulation begins at its stop is driven in the other direction once.
+    let is_probed = state == State::Blocked && matches!(event, Event::Velocity | Event::Far);
     let before = if interrupted { 0.0 } else { entered.current };
     // The load is balanced: its torque can be estimated.
     let balanced = (entered.current - subject.need()).abs() < 0.05 * stall_current;
@@ -110,7 +112,7 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
             // The load is not known, so the regulator may begin without current.
             band = hull(&[band.0, band.1, 0.0]);
         }
-        if at < first_ms {
+        if at < first_ms && !is_probed {
             step = step.max(band.0 - current).max(current - band.1);
         }
         if at >= 200 + ms {

@@ -61,6 +61,8 @@ pub(crate) enum State {
     Stalled,
     /// Driven against a stop by a position beyond the stop.
     Pressing,
+    /// Driven against a stop by constant power.
+    Blocked,
     /// The encoder was at fault and is plugged in again. The fault is latched until [`happen`] disables the motor.
     Faulted,
     BatteryLost,
@@ -68,7 +70,7 @@ pub(crate) enum State {
 }
 
 /// Each state, with the motions in which a motor can be in this state.
-pub(crate) const STATES: [(State, &[Motion]); 13] = {
+pub(crate) const STATES: [(State, &[Motion]); 14] = {
     use Motion::{Hanging, Lowering, Overrun, Rest, Turning};
     [
         (State::Disabled, &[Rest, Turning, Lowering, Overrun]),
@@ -81,6 +83,7 @@ pub(crate) const STATES: [(State, &[Motion]); 13] = {
         (State::Holding, &[Rest, Hanging]),
         (State::Stalled, &[Rest]),
         (State::Pressing, &[Rest]),
+        (State::Blocked, &[Rest]),
         (State::Faulted, &[Rest, Turning]),
         (State::BatteryLost, &Motion::ALL),
         (State::EncoderLost, &Motion::ALL),
@@ -231,14 +234,18 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Subjec
             });
             subject.run(300);
         }
-        State::Stalled | State::Pressing => {
+        State::Stalled | State::Pressing | State::Blocked => {
             subject.bench.axes[0].stops.1 = f64::from(subject.position()) + STOP;
-            subject.ask(if state == State::Stalled { Demand::Speed(brisk) } else { subject.far() });
+            subject.ask(match state {
+                State::Stalled => Demand::Speed(brisk),
+                State::Pressing => subject.far(),
+                _ => Demand::Power(BRISK),
+            });
             subject.run(1_000);
             let held = (0..30).any(|_| {
                 let before = subject.speed();
                 let stalled = subject.run(100).stalled;
-                (before, subject.speed()) == (0.0, 0.0) && stalled
+                (before, subject.speed()) == (0.0, 0.0) && (stalled || state == State::Blocked)
             });
             assert!(held, "a motor is not held by its stop");
         }
@@ -273,7 +280,8 @@ pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
         Event::Zero => subject.ask(Demand::Speed(0.0)),
         // The motor leaves a stop slowly.
         Event::Back => subject.ask(Demand::Speed(
-            if matches!(state, State::Stalled | State::Pressing) { -0.1 } else { -1.0 } * brisk,
+            if matches!(state, State::Stalled | State::Pressing | State::Blocked) { -0.1 } else { -1.0 }
+                * brisk,
         )),
         Event::Here => subject.ask(Demand::Position { target: subject.position(), limit: brisk.abs() }),
         Event::Behind => {
