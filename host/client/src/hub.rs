@@ -157,9 +157,11 @@ impl Session {
         if self.reporting_nothing.contains(&self.address) {
             return Ok(None);
         }
-        let report = none_if_unsupported(self.request(HubFunction::Report))?;
-        if report.is_none() {
-            self.reporting_nothing.insert(self.address);
+        let asked = Instant::now();
+        let report: Option<HubReport> = none_if_unsupported(self.request(HubFunction::Report))?;
+        match &report {
+            Some(report) => self.note_clock(asked, report.at_ms),
+            None => drop(self.reporting_nothing.insert(self.address)),
         }
         Ok(report)
     }

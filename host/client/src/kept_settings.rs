@@ -94,7 +94,8 @@ impl Session {
         base: Option<BaseSettings>,
     ) -> Result<Vec<(u8, KeptSettings)>, ImportError> {
         let mut kept: Vec<(u8, KeptSettings)> = Vec::new();
-        let begun = self.report()?;
+        self.report()?;
+        let resets = self.resets();
         for (motor, values) in settings {
             kept.push((motor, self.keep_settings(motor)?));
             for values in values {
@@ -106,11 +107,8 @@ impl Session {
         if let Some(Err(error)) = base.map(|base| self.set_base(base)) {
             return Err(self.refused("the drive base".to_owned(), error, &kept));
         }
-        // The clock of a hub begins at 0 after a reset.
-        match (begun, self.report()?) {
-            (Some(begun), Some(ended)) if ended.at_ms < begun.at_ms => Err(ImportError::Reset),
-            _ => Ok(kept),
-        }
+        self.report()?;
+        if self.resets() == resets { Ok(kept) } else { Err(ImportError::Reset) }
     }
 
     /// Restores the settings of motors after the hub has refused to set `part`. After any other error the settings are

@@ -60,6 +60,22 @@ pub struct Found {
     pub duplicate: bool,
 }
 
+/// Advance of a hub's clock beyond the clock of this machine between two reports, above which the hub counts as reset: a
+/// day. A reset hub starts its clock again at 0. Modulo 2^32 ms (49.7 days) this is a large advance, except in the last
+/// day before the clock wraps. A computer that is suspended for less than a day does not reach this limit.
+const RESET_ADVANCE: Duration = Duration::from_secs(24 * 60 * 60);
+
+/// The clock of a hub at its newest report.
+#[derive(Clone, Copy, Debug)]
+struct HubClock {
+    /// Time of this machine before the request for the report.
+    asked: Instant,
+    /// Time of the hub in the report, in ms since its start, modulo 2^32.
+    at_ms: u32,
+    /// Number of resets that the reports have shown.
+    resets: u32,
+}
+
 /// A host's session with one hub. Every method that sends requests also fails with the errors of
 /// [`request`](Self::request).
 #[derive(Debug)]
@@ -79,6 +95,8 @@ pub struct Session {
     pub(crate) address: u8,
     /// Packet types that hubs have reported, by address and interface. Each hub may number its functions differently.
     functions: BTreeMap<(u8, &'static [u8]), Functions>,
+    /// Clocks of hubs that have reported their state, by address.
+    clocks: BTreeMap<u8, HubClock>,
     /// Addresses of hubs that have refused [`Session::report`], so that later calls need not ask again.
     pub(crate) reporting_nothing: BTreeSet<u8>,
 }
@@ -115,6 +133,7 @@ impl Session {
             number: 0,
             address: address.get(),
             functions: BTreeMap::new(),
+            clocks: BTreeMap::new(),
             reporting_nothing: BTreeSet::new(),
         }
     }
@@ -163,6 +182,27 @@ impl Session {
     /// Sends later requests to the hub at `address` on the same line.
     pub fn select_hub(&mut self, address: Address) {
         self.address = address.get();
+    }
+
+    /// Number of resets of the selected hub that the reports of this session have shown. A reset is shown by the first
+    /// [`report`](Self::report) after the reset. After a reset the session asks the hub again for its functions, because
+    /// the hub may have new firmware.
+    pub fn resets(&self) -> u32 {
+        self.clocks.get(&self.address).map_or(0, |clock| clock.resets)
+    }
+
+    /// Records the clock in a report of the selected hub. `asked` is the time before the request for the report.
+    pub(crate) fn note_clock(&mut self, asked: Instant, at_ms: u32) {
+        let before = self.clocks.get(&self.address).copied();
+        let is_reset = before.is_some_and(|before| {
+            let advance = Duration::from_millis(at_ms.wrapping_sub(before.at_ms).into());
+            advance > before.asked.elapsed() + RESET_ADVANCE
+        });
+        if is_reset {
+            self.forget(self.address);
+        }
+        let resets = before.map_or(0, |before| before.resets) + u32::from(is_reset);
+        self.clocks.insert(self.address, HubClock { asked, at_ms, resets });
     }
 
     /// Deletes what the hub at `address` has reported of itself, because another hub may have this address now.

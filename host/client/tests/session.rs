@@ -7,13 +7,13 @@ use hub_support::{ADDRESS, Hub, Memory, first, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
-use motor_hub::extension::{HubFunction, Request};
+use motor_hub::extension::{FIRST_FUNCTION, HubFunction, INTERFACE, Request};
 use motor_hub::motor::{self, Faults, ZeroPower};
-use motor_hub::protocol::answers::Bulk;
+use motor_hub::protocol::answers::{Bulk, Functions};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload, Text};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, ToPin};
-use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
+use motor_hub::protocol::{Address, Colour, Nack, Packet, Reply, frame};
 use motor_hub::record::Fault;
 use motor_hub::regulator::Kind;
 use motor_hub::store::{Found, Outcome};
@@ -399,15 +399,44 @@ fn settings_that_a_reset_of_the_hub_has_interrupted_are_not_in_force() {
         }
     }
 
-    for (reset_at, is_lost) in [(8, true), (u32::MAX, false)] {
+    // A clock that has wrapped from its largest value to 0 is no reset.
+    let wraps_ms = u64::from(u32::MAX);
+    for (ms, reset_at, is_lost) in [(60_000, 8, true), (60_000, u32::MAX, false), (wraps_ms, 8, false)] {
         let mut hub = MemoryHub::default();
-        hub.snapshot.at = Micros::new(60_000_000);
+        hub.snapshot.at = Micros::new(1_000 * ms);
         let mut session = Session::new(ResetHub(hub, reset_at), Address::DEFAULT, TIMEOUT);
         let settings = MotorSettings::new(motor::Settings::new(Winding::NEVEREST_60));
         let values = Values::of(Group::CurrentLimit, &settings);
         let applied = session.apply_settings(vec![(0, vec![values])], None);
         assert_eq!(matches!(applied, Err(ImportError::Reset)), is_lost, "{applied:?}");
     }
+}
+
+#[cfg(feature = "serial")]
+#[test]
+fn after_a_reset_a_session_uses_the_functions_of_the_new_firmware() {
+    let at = |ms: u64| {
+        let mut hub = Hub::new();
+        hub.snapshot.at = Micros::new(1_000 * ms);
+        hub
+    };
+    let mut former = at(60_000);
+    // The former firmware lacks the newest functions.
+    former.answer = |packet| {
+        let is_query = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
+        let mut older = Payload::new();
+        let count = HubFunction::Report.id() - FIRST_FUNCTION + 1;
+        Functions { first: FIRST_FUNCTION, count }.write(&mut older);
+        is_query.then_some(Reply::Data(older))
+    };
+    let server = hub_support::Server::start(former);
+    let mut session = Session::open(&server.address).unwrap();
+    session.report().unwrap().unwrap();
+    assert_eq!((session.equipment().unwrap(), session.resets()), (None, 0));
+    *server.hub() = at(20);
+    session.report().unwrap().unwrap();
+    assert!(session.equipment().unwrap().is_some(), "the new firmware has this function");
+    assert_eq!(session.resets(), 1);
 }
 
 #[test]

@@ -39,11 +39,6 @@ const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 /// Interval between reads of enabled motors and set-points from a hub that has no reports.
 const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Advance of the hub's clock between two reports, in ms, above which the hub counts as reset: a day. A reset hub
-/// starts its clock again at 0. Modulo 2^32 ms (49.7 days) this is a large advance, except in the last day before the
-/// clock wraps. A computer that is suspended for less than a day does not reach this limit.
-const RESET_ADVANCE_MS: u32 = 24 * 60 * 60 * 1_000;
-
 /// An event of a page, with the page's number.
 #[derive(Debug)]
 pub enum Event {
@@ -73,8 +68,8 @@ pub struct Relay {
     update: Option<Updating>,
     /// The newest frame.
     frame: Frame,
-    /// The hub's clock at its newest report; `None` before the first report of the shown hub.
-    hub_ms: Option<u32>,
+    /// Number of resets of the shown hub in this session that were handled.
+    resets: u32,
     /// Time at which the frames' clock started.
     since: Instant,
     /// Time of the next attempt to connect.
@@ -108,7 +103,7 @@ impl Relay {
             firmware: Vec::new(),
             update: None,
             frame: Frame::default(),
-            hub_ms: None,
+            resets: 0,
             since: now,
             connect_at: now,
             looked_at: now,
@@ -520,8 +515,7 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
-            let advance_ms = self.hub_ms.map_or(0, |before| report.at_ms.wrapping_sub(before));
-            if advance_ms > RESET_ADVANCE_MS {
+            if session.resets() != self.resets {
                 self.playing = None;
                 self.hub_changed_at = Some(Instant::now());
                 self.query_hub()?;
@@ -529,7 +523,6 @@ impl Relay {
                     "the hub was reset: its motors are disabled, and settings that were not stored are lost";
                 self.send_notice(text.to_owned(), true);
             }
-            self.hub_ms = Some(report.at_ms);
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -580,11 +573,11 @@ impl Relay {
         }
         let Some(session) = &mut self.session else { return Ok(()) };
         let reports = session.report()?.is_some();
+        self.resets = session.resets();
         let stores = session.stored_if_reported()?.is_some();
         let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
-        self.hub_ms = None;
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });

@@ -40,10 +40,6 @@ const LOST_CHILD_TIMEOUT: Duration = Duration::from_millis(20);
 const BATTERY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Interval between two messages about battery and diagnostics.
 const DIAGNOSTICS_INTERVAL: Duration = Duration::from_secs(1);
-
-/// A hub counts as reset if its clock advances by this much more than this machine's clock between two reports. Control
-/// period and delay of the line cause far smaller differences.
-const RESET_CLOCK_ADVANCE: Duration = Duration::from_secs(1);
 /// Why motors are off after a call of `stop`.
 const STOPPED: &str = "stop was called; call enable";
 
@@ -79,9 +75,8 @@ struct Connected {
     saving: Option<Saving>,
     /// True if the hub has accepted the configuration of the drive base.
     has_base: bool,
-    /// Time of the last request for a report, and the hub's time in ms in this report, by address. `None` is the hub at
-    /// the port.
-    clocks: BTreeMap<Option<u8>, (Instant, u32)>,
+    /// Number of resets in this session that were handled, by the address of the hub.
+    resets: BTreeMap<u8, u32>,
 }
 
 /// An identification of all joints, one after the other.
@@ -150,7 +145,7 @@ impl HubThread {
             identification: None,
             saving: None,
             has_base: false,
-            clocks: BTreeMap::new(),
+            resets: BTreeMap::new(),
         };
         self.serve(&mut hub).map_err(|error| error.to_string())?;
         if let Err(error) = hub.disable() {
@@ -356,7 +351,6 @@ impl HubThread {
 
     /// Reads the report of the hub or of a child, and evaluates the report.
     fn ask(&mut self, hub: &mut Connected, address: Option<u8>) -> Result<(), Error> {
-        let asked = Instant::now();
         let is_new = hub.find(address)?;
         let (place, at) = (self.robot.config().place.clone(), hub.session.address());
         if is_new {
@@ -368,7 +362,8 @@ impl HubThread {
             eprintln!("error: {place}: {why}");
             return Err(Error::Silent { address });
         };
-        if hub.was_reset(address, asked, report.at_ms) {
+        let resets = hub.session.resets();
+        if hub.resets.insert(at, resets).unwrap_or_default() != resets {
             eprintln!("warning: {place}: the hub at address {at} was reset");
             hub.end_save(address, Some("the hub was reset".to_owned()));
             match address {
@@ -507,7 +502,6 @@ impl Connected {
             self.give_up_identification("a hub of the chain was lost");
         }
         self.end_save(Some(address), Some(Error::Silent { address }.to_string()));
-        self.clocks.remove(&Some(address));
         let is_new = !self.lost.contains_key(&address);
         self.lost.entry(address).or_insert_with(|| Instant::now() + RECONNECT_INTERVAL);
         is_new
@@ -644,15 +638,6 @@ impl Connected {
             let motor = report.motors.get(usize::from(joint.motor)).filter(|_| report.is_up_to_date());
             sent.enabled &= motor.is_none_or(|motor| motor.enabled);
         }
-    }
-
-    /// Returns true if a hub was reset since its last report. The hub's clock has then restarted at 0, so its advance
-    /// modulo 2^32 ms is far larger than the time that has passed on this machine.
-    fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
-        self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
-            Duration::from_millis(at_ms.wrapping_sub(before_ms).into())
-                > before.elapsed() + RESET_CLOCK_ADVANCE
-        })
     }
 
     /// Ends an identification that cannot continue, and answers its call with the reason.
