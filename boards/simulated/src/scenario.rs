@@ -22,6 +22,8 @@ mod types;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2, Volts};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
@@ -98,10 +100,26 @@ impl Scenario {
     }
 }
 
+/// Largest text file in bytes that this program reads: far more than any scenario or settings file needs.
+const LARGEST_TEXT: u64 = 1 << 20;
+
+/// Reads a text file of 1 MiB at most. A device such as `/dev/zero` has no end.
+///
+/// # Errors
+/// The file cannot be read, is no UTF-8 text, or is larger.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    let length = File::open(path)?.take(LARGEST_TEXT + 1).read_to_string(&mut text)?;
+    if length as u64 > LARGEST_TEXT {
+        return Err(io::Error::other(format!("more than {LARGEST_TEXT} bytes, the largest size allowed")));
+    }
+    Ok(text)
+}
+
 /// Reads a file. If `is_complete` is true, every motor needs a set-point or a group.
 fn load(path: &Path, is_complete: bool) -> Result<Scenario, ScenarioError> {
     let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    match read_text(path) {
         Ok(text) => parse(&file, &text, is_complete),
         Err(source) => Err(ScenarioError::Unreadable { file, source }),
     }

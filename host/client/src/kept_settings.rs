@@ -96,8 +96,14 @@ impl Session {
         let mut kept: Vec<(u8, KeptSettings)> = Vec::new();
         self.report()?;
         let resets = self.resets();
+        // A hub with fewer motors refuses to report the settings of a motor. No setting has changed then.
+        for &(motor, _) in &settings {
+            match self.keep_settings(motor) {
+                Ok(before) => kept.push((motor, before)),
+                Err(error) => return Err(self.refused(format!("motor {motor}"), error, &[])),
+            }
+        }
         for (motor, values) in settings {
-            kept.push((motor, self.keep_settings(motor)?));
             for values in values {
                 if let Err(error) = self.command(Request::Set(motor, values)) {
                     return Err(self.refused(format!("motor {motor}"), error, &kept));

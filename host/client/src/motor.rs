@@ -50,6 +50,9 @@ pub const SPEED_LIMITS_CPS: RangeInclusive<u16> = 1..=NO_SPEED_LIMIT_CPS;
 /// Text for a hub that regulates no current: [`Session::report`] returns `None` for such a hub.
 pub const NO_CURRENT: &str = "the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
 
+/// Refusal of a hub that has no motor with the requested number: the first parameter is out of range.
+pub const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
+
 /// A constant current is larger than [`LARGEST_CURRENT_A`], or is not a number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a current of {amperes} A is out of range; allowed is -{most} to {most} A", most = LARGEST_CURRENT_A)]

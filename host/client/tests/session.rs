@@ -440,6 +440,25 @@ fn after_a_reset_a_session_uses_the_functions_of_the_new_firmware() {
 }
 
 #[test]
+fn settings_for_more_motors_than_the_hub_has_change_none_of_them() {
+    // The hub has two motors.
+    let answer = |packet: &Packet| {
+        let is_of_a_motor = [Group::SetUp.get_id(), Group::CurrentLimit.set_id()].contains(&packet.id);
+        let is_refused = is_of_a_motor && packet.payload.first().is_some_and(|motor| *motor >= 2);
+        is_refused.then_some(Reply::Nack(Nack(0)))
+    };
+    let mut session = session(Memory::new(Hub { answer, ..Hub::new() }));
+    let before = session.settings(0).unwrap();
+    let mut settings = MotorSettings::new(motor::Settings::new(Winding::NEVEREST_60));
+    settings.motor.current_limit = std::num::NonZeroU16::new(2_000);
+    let values = Values::of(Group::CurrentLimit, &settings);
+    let refused =
+        session.apply_settings(vec![(0, vec![values.clone()]), (2, vec![values])], None).unwrap_err();
+    assert!(matches!(&refused, ImportError::Refused { part, .. } if part == "motor 2"), "{refused}");
+    assert_eq!(session.settings(0).unwrap(), before, "{refused}");
+}
+
+#[test]
 fn a_refusal_names_its_reason() {
     let mut session = session(Memory::new(Hub::new()));
     let refusal = |done: Result<(), Error>| match done {

@@ -6,6 +6,7 @@ use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, 
 use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
+use motor_hub_client::motor::NO_SUCH_MOTOR;
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,11 @@ use toml::{Table, Value};
 const SCHEMA_VERSION: i64 = 1;
 
 /// First line of a document.
-const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.";
+const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force. They end with the line \"# end\".";
+
+/// Last line of a document that begins with [`HEAD`]. Without it the document was cut: a document that is cut after a
+/// table is a correct document with fewer settings.
+const END: &str = "# end";
 
 /// The settings in force on a hub as a document.
 ///
@@ -41,7 +46,11 @@ pub fn export(session: &mut Session) -> Result<String, Error> {
         text.push_str(&BaseTable::of(&base).text());
     }
     for motor in 0..CHANNELS as u8 {
-        let mut settings = session.settings(motor)?;
+        let mut settings = match session.settings(motor) {
+            // The hub has fewer motors.
+            Err(Error::Refused { reason: NO_SUCH_MOTOR, .. }) if motor > 0 => break,
+            settings => settings?,
+        };
         if set_by_host >> motor & 1 != 0 {
             for group in [Group::VelocityLoop, Group::PositionLoop] {
                 settings = session.get(motor, group, &settings)?;
@@ -49,6 +58,7 @@ pub fn export(session: &mut Session) -> Result<String, Error> {
         }
         text.push_str(&motor_text(motor, &settings));
     }
+    text.push_str(&format!("\n{END}\n"));
     Ok(text)
 }
 
@@ -151,10 +161,16 @@ pub struct SettingsFile {
 /// A text that names the line and column of a syntax error, or motor or base and key, the given value, and the allowed
 /// values.
 pub fn read(text: &str) -> Result<SettingsFile, String> {
+    let is_cut = text.starts_with(HEAD) && text.lines().all(|line| line.trim_end() != END);
     let mut document: Table = toml::from_str(text).map_err(|error| {
         let (line, column) = line_and_column(text, error.span().unwrap_or_default().start);
         format!("line {line}, column {column}: {}", error.message())
     })?;
+    if is_cut {
+        return Err(format!(
+            "the last line \"{END}\" is missing, as in a file that was cut: export the settings again, or add the line if the file is complete"
+        ));
+    }
     let version = document
         .remove("schema_version")
         .ok_or_else(|| format!("schema_version is missing; write schema_version = {SCHEMA_VERSION}"))?;

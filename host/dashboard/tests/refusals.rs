@@ -56,6 +56,19 @@ fn without_settings(packet: &Packet) -> Option<Reply> {
     Group::ALL.iter().any(|group| group.get_id() == packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
 }
 
+#[test]
+fn the_settings_of_a_hub_with_two_motors_are_exported() {
+    let answer = |packet: &Packet| {
+        let is_of_a_motor = Group::ALL.iter().any(|group| group.get_id() == packet.id);
+        let is_refused = is_of_a_motor && packet.payload.first().is_some_and(|motor| *motor >= 2);
+        is_refused.then_some(Reply::Nack(Nack::parameter(0)))
+    };
+    let mut page = page_of(vec![Hub { answer, ..Hub::new() }]);
+    page.order("export", Value::Null);
+    let file = page.message("file");
+    assert_eq!(file["text"].as_str().unwrap().matches("[[motor]]").count(), 2, "{file}");
+}
+
 /// Result of an identification of a NeveRest 60.
 fn identified() -> Identified {
     let (_, dynamics) = catalogue_motor(&Settings::new(Winding::NEVEREST_60)).unwrap();

@@ -9,6 +9,7 @@ use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::Session;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use serde_json::json;
+use simulated::scenario::read_text;
 use std::path::{Path, PathBuf};
 use studies::table;
 
@@ -125,8 +126,7 @@ pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
 
 /// Reads the settings in a file.
 fn read(file: &Path) -> Result<SettingsFile, Failure> {
-    let text = std::fs::read_to_string(file)
-        .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
+    let text = read_text(file).map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
     settings_file::read(&text)
         .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }

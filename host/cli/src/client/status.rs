@@ -8,9 +8,9 @@ use motor_hub::extension::report::{BusReport, Condition};
 use motor_hub::motor::{SenseLine, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::protocol::{CHANNELS, Colour, Nack};
+use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::units::Millivolts;
-use motor_hub_client::motor::MotorState;
+use motor_hub_client::motor::{MotorState, NO_SUCH_MOTOR};
 use motor_hub_client::reasons::bus_text;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
@@ -26,9 +26,6 @@ pub(crate) struct Options {
     #[arg(long)]
     clear: bool,
 }
-
-/// Refusal of a hub that has no motor with the requested number: the first parameter is out of range.
-const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
 
 /// All values that `status` shows.
 struct HubStatus {

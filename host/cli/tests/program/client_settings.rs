@@ -101,9 +101,22 @@ fn exported_settings_are_imported_bit_by_bit() {
     // A file may have one motor only, without the optional keys.
     let one = exported.split("[[motor]]").take(2).collect::<Vec<_>>().join("[[motor]]");
     assert!(one.contains("number = 0") && !one.contains("number = 1"), "{one}");
-    std::fs::write(&file, one).unwrap();
+    std::fs::write(&file, one + "\n# end\n").unwrap();
     settings(&hub, &["import", &file]);
     assert_eq!(settings(&hub, &["export"]), exported);
+}
+
+#[test]
+fn a_file_that_was_cut_or_has_no_end_is_refused() {
+    let store = store("settings-cut");
+    let file = format!("{store}.toml");
+    let hub = served(&store);
+    let exported = settings(&hub, &["export"]);
+    for (cut, _) in exported.match_indices("\n[") {
+        std::fs::write(&file, &exported[..cut + 1]).unwrap();
+        fails(&client(&hub, &["settings", "import", &file]), 2, "is missing");
+    }
+    fails(&client(&hub, &["settings", "import", "/dev/zero"]), 2, "more than 1048576 bytes");
 }
 
 #[test]
