@@ -158,13 +158,12 @@ impl Options {
         };
         let mut place = Some(format!("{line}\n"));
         #[cfg(unix)]
-        let _link = match &self.link {
-            Some(path) => {
-                place = Some(format!("{}\n", path.display()));
-                Some(link::Link::new(path, &line.to_string())?)
-            }
-            None => None,
-        };
+        let (port, mut _link) = (line.to_string(), None);
+        #[cfg(unix)]
+        if let Some(path) = &self.link {
+            link::make_room(path, &port)?;
+            place = Some(format!("{}\n", path.display()));
+        }
         #[cfg(unix)]
         let (absolute_place, mut note) = (self.absolute_place(&*line)?, None::<Option<ServedHubFile>>);
         let stopped = stop_flag()?;
@@ -174,9 +173,18 @@ impl Options {
         let mut shown_s = 0.0;
         let served =
             run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, rejected_hosts, describe }| {
-                // The place is printed once motors can be enabled, or after AWAKE_S if the battery prevents that.
+                // The link is created and the place is printed once motors can be enabled, or after AWAKE_S if the battery
+                // prevents that. A host that opens the port earlier gets no answer.
                 if awake || at_s > AWAKE_S {
-                    printed = place.take().map_or(Ok(()), |place| print(&place));
+                    if let Some(place) = place.take() {
+                        #[cfg(unix)]
+                        let link = self.link.as_ref().map(|path| link::Link::new(path, &port)).transpose();
+                        #[cfg(unix)]
+                        let linked = link.map(|link| _link = link);
+                        #[cfg(not(unix))]
+                        let linked = Ok(());
+                        printed = linked.and_then(|()| print(&place));
+                    }
                     #[cfg(unix)]
                     if let Some(note) =
                         note.get_or_insert_with(|| bar.suspend(|| leave_note(&absolute_place)))

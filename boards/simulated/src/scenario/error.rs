@@ -28,6 +28,9 @@ pub enum ScenarioError {
     },
 }
 
+/// Keys that every scenario has, as the end of a message.
+const NEEDED: &str = "; a scenario needs name, duration_s, battery = { emf_v, resistance_ohm } and motors = [{ label, motor }]";
+
 /// An error, and the part of the text that is wrong.
 #[derive(Debug)]
 pub(super) struct Fault {
@@ -42,8 +45,12 @@ impl Fault {
     /// An error of the TOML parser, or of a single value. A message that begins with "= " gets the key of the value in
     /// front.
     pub(super) fn of_toml(error: &toml::de::Error, text: &str) -> Self {
-        let message = error.message().trim_end().replace('\n', "; ");
+        let mut message = error.message().trim_end().replace('\n', "; ");
         let start = error.span().unwrap_or_default().start;
+        // The parser names the first missing key of a table. The table of the whole file begins at 0.
+        if start == 0 && message.starts_with("missing field") {
+            message.push_str(NEEDED);
+        }
         let key = if message.starts_with("= ") { key_of_value(text, start) } else { "" };
         Self { span: error.span(), message: format!("{key} {message}").trim_start().to_owned() }
     }

@@ -41,12 +41,17 @@ impl<'a> DrivingSession<'a> {
         }
     }
 
-    /// Enables a motor. The motor is disabled when the work ends.
+    /// Enables a motor. The motor is disabled when the work ends. A motor that the hub refuses to enable is disabled
+    /// immediately, because the hub may have enabled it before a retransmission that it has refused.
     pub(super) fn enable(&mut self, motor: u8) -> Result<(), Error> {
         if !self.motors.contains(&motor) {
             self.motors.push(motor);
         }
-        self.session.enable(motor, true)
+        let enabled = self.session.enable(motor, true);
+        if matches!(enabled, Err(Error::Refused { .. })) {
+            self.disable(motor)?;
+        }
+        enabled
     }
 
     /// Disables a motor before the work ends.
@@ -143,6 +148,18 @@ mod tests {
         let mut hub = MemoryHub::default();
         hub.snapshot.battery = Some(Millivolts::new(12_000));
         Session::new(hub, Address::DEFAULT, Duration::from_secs(1))
+    }
+
+    #[test]
+    fn a_motor_that_the_hub_refuses_to_enable_is_not_named_as_disabled() {
+        let mut session = session();
+        let done = DrivingSession::run(&mut session, |driven| {
+            // No target is set.
+            assert!(matches!(driven.enable(1), Err(Error::Refused { .. })));
+            assert!(driven.motors.is_empty(), "{:?}", driven.motors);
+            Ok(())
+        });
+        assert!(done.is_ok());
     }
 
     #[test]

@@ -12,31 +12,35 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Creates the link at `path` to `target`. A link that a killed program has left is replaced.
+    /// Creates the link at `path` to `target`.
     pub(super) fn new(path: &Path, target: &str) -> Result<Self, Failure> {
-        let shown = path.display();
-        let target = PathBuf::from(target);
-        match std::fs::read_link(path) {
-            Ok(old) if is_left_over(&old, &target) => std::fs::remove_file(path).map_err(|error| {
-                Failure::Work(format!("{shown}: the link to {} cannot be replaced: {error}", old.display()))
-            })?,
-            Ok(old) => {
-                let old = old.display();
-                let why = format!(
-                    "{shown} is a link to {old}, which is in use; give another path, or remove the link"
-                );
-                return Err(Failure::Input(why));
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => (),
-            Err(_) => {
-                return Err(Failure::Input(format!(
-                    "{shown} exists and is not a link to a pseudo-terminal; give another path, or remove the file"
-                )));
-            }
+        std::os::unix::fs::symlink(target, path).map_err(|error| {
+            Failure::Work(format!("{}: the link cannot be created: {error}", path.display()))
+        })?;
+        Ok(Self { path: path.to_owned(), target: target.into() })
+    }
+}
+
+/// Removes a link at `path` that a killed program has left. `target` is the pseudo-terminal of the next link.
+///
+/// # Errors
+/// There is another file at `path`.
+pub(super) fn make_room(path: &Path, target: &str) -> Result<(), Failure> {
+    let shown = path.display();
+    match std::fs::read_link(path) {
+        Ok(old) if is_left_over(&old, Path::new(target)) => std::fs::remove_file(path).map_err(|error| {
+            Failure::Work(format!("{shown}: the link to {} cannot be replaced: {error}", old.display()))
+        }),
+        Ok(old) => {
+            let old = old.display();
+            let why =
+                format!("{shown} is a link to {old}, which is in use; give another path, or remove the link");
+            Err(Failure::Input(why))
         }
-        std::os::unix::fs::symlink(&target, path)
-            .map_err(|error| Failure::Work(format!("{shown}: the link cannot be created: {error}")))?;
-        Ok(Self { path: path.to_owned(), target })
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(_) => Err(Failure::Input(format!(
+            "{shown} exists and is not a link to a pseudo-terminal; give another path, or remove the file"
+        ))),
     }
 }
 
