@@ -52,6 +52,11 @@ fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
 #[test]
 fn a_step_ends_with_its_own_motor_off_when_another_hub_is_chosen() {
     with_page_of(&["--hubs", "2"], |_, tab| {
+        // The hub receives orders later than the first frames after the beginning of the step.
+        tab.ask(
+            "(() => { const { link } = dashboard, order = link.order; \
+             link.order = (...sent) => setTimeout(() => order.apply(link, sent), sent[0] === 'shown' ? 0 : 500); })()",
+        );
         tab.click("#tab-tune");
         tab.fill(FROM, "300");
         tab.click("#panel-tune button.primary");

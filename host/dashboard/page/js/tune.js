@@ -14,8 +14,6 @@ const REACHED_S = 6;
 const HELD_S = 0.2;
 /** Largest error of the first speed: in counts/s, and as a share of the first speed. */
 const [NEAR_CPS, NEAR] = [10, 0.05];
-/** Time after which a frame must show that the motor is enabled, in seconds. */
-const ENABLED_S = 0.3;
 /** Largest error of a settled motor, as a share of the step. */
 const SETTLED = 0.05;
 
@@ -77,7 +75,7 @@ export function tunePanel(link) {
     const [low, high] = ends;
     if (low === high) return setText(says, "Enter two different speeds for a step.");
     const now = state.frame?.at_s ?? 0;
-    running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null };
+    running = { motor: state.chosen, low, high, phase: "rest", begun: now, enabled: false, near: null };
     order("drive", { mode: "velocity", value: low, enable: true });
     setText(says, "Reaching the first speed …");
   }
@@ -99,7 +97,7 @@ export function tunePanel(link) {
   function reach(/** @type {number} */ now, /** @type {number} */ velocity) {
     const { motor, low, high } = running;
     const settings = state.settings[motor];
-    if (Math.abs(velocity - low) > Math.max(NEAR_CPS, NEAR * Math.abs(low))) running.near = null;
+    if (!running.enabled || Math.abs(velocity - low) > Math.max(NEAR_CPS, NEAR * Math.abs(low))) running.near = null;
     else running.near ??= now;
     if (running.near !== null && now - running.near >= HELD_S) {
       Object.assign(running, { phase: "step", start: now, times: [0], speeds: [velocity] });
@@ -143,12 +141,14 @@ export function tunePanel(link) {
     if (motor) setText(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "PID" ? "PID" : "not reported");
     if (!running) return;
     const { enabled, velocity } = frame.motors[running.motor];
-    if (!enabled && frame.at_s - running.begun > ENABLED_S) {
+    // The first frames may be older than the order that enables the motor.
+    if (running.enabled && !enabled) {
       running = null;
       return setText(says, "The motor was disabled; this step is discarded.");
     }
+    running.enabled = enabled;
     if (running.phase === "rest") {
-      if (enabled) reach(frame.at_s, velocity);
+      reach(frame.at_s, velocity);
     } else {
       running.times.push(frame.at_s - running.start);
       running.speeds.push(velocity);
