@@ -1,6 +1,7 @@
 //! Implements the command `motor-hub client coefficients`.
 
 use super::hub::HubOptions;
+use super::settings::not_reset;
 use crate::output::{Failure, print_as, print_error_line};
 use crate::parse::{MotorName, motor};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms};
@@ -86,6 +87,7 @@ impl Options {
             };
             session.set_coefficients(self.motor.number, of, wanted)?;
             pidf = session.coefficients(self.motor.number, of)?;
+            not_reset(session)?;
         }
         let in_force = if sets { Some(true) } else { in_force(session, self.motor.number)? };
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);

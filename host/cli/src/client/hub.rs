@@ -82,6 +82,8 @@ impl HubOptions {
     pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session, Failure> {
         let mut session = self.session(of_motors)?;
         disable_left_enabled(&mut session)?;
+        // A later report shows a reset of the hub.
+        session.report()?;
         Ok(session)
     }
 

@@ -4,6 +4,7 @@ use super::drive::INTERVAL;
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
 use super::readings::{Live, repeat};
+use super::settings::not_reset;
 use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
@@ -149,7 +150,7 @@ impl Options {
         if let Ok(proposed) = &ended.proposed
             && self.apply
         {
-            session.set_up(motor, proposed)?;
+            apply(session, motor, proposed)?;
         }
         if self.json {
             let proposed = ended.proposed.as_ref().ok();
@@ -186,6 +187,13 @@ impl Options {
             ended.table, ended.residual_percent
         )
     }
+}
+
+/// Puts the settings of a motor in force. Fails if a reset of the hub has deleted settings.
+pub(super) fn apply(session: &mut Session, motor: u8, settings: &MotorSettings) -> Result<(), Failure> {
+    not_reset(session)?;
+    session.set_up(motor, settings)?;
+    not_reset(session)
 }
 
 /// Moves a motor until its identification has ended, and disables the motor.

@@ -117,10 +117,18 @@ impl Options {
     }
 }
 
+/// Fails if the hub was reset since the session was opened, because settings that were not stored are then lost.
+pub(super) fn not_reset(session: &mut Session) -> Result<(), Failure> {
+    session.report()?;
+    let why = "the hub was reset meanwhile, and settings that were not stored are lost: repeat the command";
+    if session.resets() == 0 { Ok(()) } else { Err(Failure::work(why)) }
+}
+
 /// Stores the settings in force. Returns the text for the user.
 pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
+    not_reset(session)?;
     Ok(format!("stored: {}", stored_text(&report)))
 }
 

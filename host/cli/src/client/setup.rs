@@ -3,6 +3,7 @@
 use super::hub::HubOptions;
 use super::identify;
 use super::setting_options::{SettingOption, SettingOptions};
+use super::settings::not_reset;
 use super::status::state_text;
 use crate::constants::Constants;
 use crate::output::{Failure, print_as};
@@ -104,6 +105,7 @@ impl Options {
         write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
         session.catch_up()?;
+        not_reset(session)?;
         self.show(&settings, session.condition(self.motor.number)?)
     }
 

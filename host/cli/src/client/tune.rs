@@ -70,7 +70,7 @@ impl Options {
             if !self.gentle {
                 tuned.motor.acceleration = None;
             }
-            session.set_up(number, &tuned)?;
+            identify::apply(session, number, &tuned)?;
             if self.save {
                 saved = settings::saved(session).map(|_| true);
             }

@@ -1,9 +1,15 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 
-use crate::common::{client, fails, json, out, printed, store};
+use crate::common::{client, fails, json, motor_hub, out, printed, start_client, store, wait_for};
 use crate::conformance::Hub;
+use crate::hub_support::{Hub as FakeHub, Server};
+use motor_hub::extension::HubFunction;
+use motor_hub::store::Found;
+use motor_hub::units::Micros;
 use serde_json::Value;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A hub that keeps its settings in this file.
 fn served(store: &str) -> Hub {
@@ -117,6 +123,32 @@ fn a_file_that_was_cut_or_has_no_end_is_refused() {
         fails(&client(&hub, &["settings", "import", &file]), 2, "is missing");
     }
     fails(&client(&hub, &["settings", "import", "/dev/zero"]), 2, "more than 1048576 bytes");
+}
+
+#[test]
+fn settings_that_a_reset_has_deleted_are_not_reported_as_stored() {
+    let running_for = |ms: u64| {
+        let mut hub = FakeHub::new();
+        hub.responder.restore(Found::default());
+        hub.snapshot.at = Micros::new(1_000 * ms);
+        hub
+    };
+    let saving = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&saving);
+    let mut hub = running_for(60_000);
+    hub.loses_reply = Box::new(move |packet| {
+        packet.id == HubFunction::Save.id() && {
+            seen.store(true, Ordering::Relaxed);
+            true
+        }
+    });
+    let server = Server::start(hub);
+    let file = format!("{}.toml", store("settings-reset"));
+    out(&motor_hub(&["client", "--tcp", &server.address, "settings", "export", &file]));
+    let process = start_client(&server.address, &["settings", "import", &file, "--save"]);
+    wait_for("the save", || saving.load(Ordering::Relaxed).then_some(()));
+    *server.hub() = running_for(20);
+    fails(&process.wait_with_output().unwrap(), 1, "the hub was reset meanwhile");
 }
 
 #[test]
