@@ -35,7 +35,12 @@ impl<'a> DrivingSession<'a> {
             (Ok(done), Ok(_)) => Ok(done),
             (Ok(_), Err(failure)) => Err(failure),
             (Err(failure), stopped) => {
+                let answers = stopped.is_ok();
                 report(stopped);
+                // A hub that was reset refuses a request for a reason that does not name the reset.
+                if answers && driven.session.report().is_ok() && driven.session.resets() > 0 {
+                    print_error_line("note: the hub was reset meanwhile");
+                }
                 Err(failure)
             }
         }
