@@ -274,6 +274,8 @@ impl Updating {
         if report.phase == Phase::Armed || matches!(report.booted, Booted::OnTrial | Booted::Unknown) {
             return Ok(None);
         }
+        // The new firmware may have other functions.
+        session.forget(session.address());
         let now = session.version()?;
         match why_not_started(report.booted, &self.image.version, &now) {
             None => Ok(Some(Progress::Confirmed(now))),

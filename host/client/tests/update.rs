@@ -4,13 +4,15 @@
 mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory, SIGNATURE_OF_OLDER, SLOT, first, started};
-use motor_hub::extension::HubFunction;
-use motor_hub::protocol::payload::Text;
-use motor_hub::protocol::{Address, Packet};
+use motor_hub::extension::{FIRST_FUNCTION, HubFunction, INTERFACE};
+use motor_hub::protocol::answers::Functions;
+use motor_hub::protocol::payload::{Field, Payload, Text};
+use motor_hub::protocol::{Address, Packet, Reply};
 use motor_hub::update::{Booted, CRC, ImageSignature, Phase, Slot};
 use motor_hub_client::Session;
 use motor_hub_client::session::TRANSMISSIONS;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Public key of the signer.
@@ -52,6 +54,27 @@ fn an_update_makes_the_hub_forget_an_earlier_image_and_ends_with_confirmed_firmw
         news,
         [announced, sent, Progress::Checking, Progress::Restarting, Progress::Confirmed(version)]
     );
+}
+
+#[test]
+fn after_an_update_the_session_uses_the_functions_of_the_new_firmware() {
+    static RESTARTED: AtomicBool = AtomicBool::new(false);
+    // The former firmware lacks the functions after `Sign`.
+    let answer = |packet: &Packet| {
+        RESTARTED.fetch_or(packet.id == HubFunction::Restart.id(), Ordering::Relaxed);
+        let mut older = Payload::new();
+        Functions { first: FIRST_FUNCTION, count: 28 }.write(&mut older);
+        let is_query = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
+        (is_query && !RESTARTED.load(Ordering::Relaxed)).then_some(Reply::Data(older))
+    };
+    let line = Memory::new(Hub { answer, ..hub() });
+    let mut session = Session::new(line, Address::new(ADDRESS).unwrap(), Duration::from_secs(3));
+    let version = session.version().unwrap();
+    assert_eq!(session.equipment().unwrap(), None);
+    let mut updating = Updating::begin(&mut session, image(&version), None).unwrap();
+    let end = (0..20).filter_map(|_| updating.step(&mut session).unwrap()).nth(3);
+    assert_eq!(end, Some(Progress::Confirmed(version)));
+    assert!(session.equipment().unwrap().is_some(), "the new firmware has this function");
 }
 
 #[test]
