@@ -205,15 +205,17 @@ impl Command {
 /// Lists all hubs on the line, and disables their enabled motors.
 fn discover(mut session: Session, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["address", "hub"], 0);
-    let mut hubs = Vec::new();
+    let (mut hubs, mut disabled) = (Vec::new(), Ok(()));
     for hub in session.discover()? {
         if let Some(address) = Address::new(hub.address).filter(|_| !hub.duplicate) {
             session.select_hub(address);
-            disable_left_enabled(&mut session)?;
+            disabled = disabled.and(disable_left_enabled(&mut session));
         }
         let kind = scan::kind(&hub);
         table.add_row([hub.address.to_string(), kind.to_owned()]);
         hubs.push(json!({ "address": hub.address, "kind": kind }));
     }
-    print_as(json, &json!({ "hubs": hubs }), table)
+    print_as(json, &json!({ "hubs": hubs }), table)?;
+    // Motors of a hub that has not answered may run.
+    Ok(disabled?)
 }

@@ -325,6 +325,13 @@ fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
     let hubs = &document["places"][0]["hubs"];
     assert_eq!(hubs[0]["reason"], Value::Null, "{document}");
     assert!(hubs[1]["reason"].as_str().unwrap().starts_with("hub 9 does not answer"), "{document}");
+    // A discovery lists all hubs, and fails because motors of a silent hub may run.
+    let output = motor_hub(&["client", "--tcp", &server.address, "--timeout-ms", "300", "discover"]);
+    fails(&output, 1, "hub 9 does not answer");
+    let listed = words(&printed(&output));
+    for row in ["3 ┆ parent", "9 ┆ child", "12 ┆ child"] {
+        assert!(listed.contains(row), "{row}: {listed}");
+    }
 }
 
 #[test]
