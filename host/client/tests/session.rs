@@ -452,8 +452,7 @@ fn settings_for_more_motors_than_the_hub_has_change_none_of_them() {
     let mut settings = MotorSettings::new(motor::Settings::new(Winding::NEVEREST_60));
     settings.motor.current_limit = std::num::NonZeroU16::new(2_000);
     let values = Values::of(Group::CurrentLimit, &settings);
-    let refused =
-        session.apply_settings(vec![(0, vec![values]), (2, vec![values])], None).unwrap_err();
+    let refused = session.apply_settings(vec![(0, vec![values]), (2, vec![values])], None).unwrap_err();
     assert!(matches!(&refused, ImportError::Refused { part, .. } if part == "motor 2"), "{refused}");
     assert_eq!(session.settings(0).unwrap(), before, "{refused}");
 }

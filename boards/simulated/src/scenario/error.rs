@@ -28,7 +28,7 @@ pub enum ScenarioError {
     },
 }
 
-/// Keys that every scenario has, as the end of a message.
+/// Text for the keys that every scenario has: the end of a message about one of these keys.
 const NEEDED: &str = "; a scenario needs name, duration_s, battery = { emf_v, resistance_ohm } and motors = [{ label, motor }]";
 
 /// An error, and the part of the text that is wrong.

@@ -55,10 +55,16 @@ fn refused(sound: &str, mistakes: &[Mistake<'_>]) {
 }
 
 /// Mistakes in the sound scenario.
-const MISTAKES: [Mistake<'_>; 64] = [
+const MISTAKES: [Mistake<'_>; 65] = [
     // Broken TOML, a value out of range, and a contradiction in a table. Each error has the position of its mistake.
     ("name = \"test\"", "name = \"test", "s.toml:1:13: "),
     ("duration_s = 2.0", "duration_s = ", "s.toml:2:14: "),
+    // The first missing key is named, and with it all keys that a scenario needs.
+    (
+        "duration_s = 2.0",
+        "",
+        "s.toml:1:1: missing field `duration_s`; a scenario needs name, duration_s, battery = { emf_v, resistance_ohm } and motors",
+    ),
     ("emf_v = 12.0", "emf_v = inf", "s.toml:4:21: emf_v = inf is out of range; allowed is 1 to 60"),
     ("= 500", "= 0", "s.toml:15:81: speed_limit_cps = 0 is out of range; allowed is 1 to 1000000"),
     ("[-100, 1100]", "[\n    -100,\n    nan,\n]", "s.toml:24:5: speed_between_cps = NaN is out of range"),
