@@ -1,6 +1,6 @@
 //! A host uses the served hub over a serial port and over TCP.
 
-use crate::common::{PROGRAM, client, fails, made_folder, motor_hub, out, signal, store};
+use crate::common::{PROGRAM, client, fails, made_folder, motor_hub, out, scenario, signal, store, wait_for};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -97,6 +97,27 @@ fn a_link_names_the_port_until_the_program_ends() {
     remove_file(&link).unwrap();
     std::os::unix::fs::symlink("/dev/null", &link).unwrap();
     refused("/dev/null");
+}
+
+#[test]
+fn a_link_exists_once_the_hub_has_started() {
+    let link = made_folder("serve-link-late").join("link");
+    // With this battery no motor can be enabled, so the hub counts as started after 0.5 s.
+    let battery =
+        "battery = { emf_v = 1, resistance_ohm = 0.1 }\nmotors = [{ label = \"a\", motor = \"AM 60 A\" }]";
+    let file = scenario("serve-link-late-scenario", battery);
+    let start = Instant::now();
+    let mut process = Command::new(PROGRAM)
+        .args(["serve", "--pty", "--scenario", &file, "--link"])
+        .arg(&link)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_for("the link", || link.exists().then_some(()));
+    let took = start.elapsed();
+    signal(process.id(), "-TERM");
+    assert!(process.wait().unwrap().success());
+    assert!(took > Duration::from_millis(400), "{took:?}");
 }
 
 #[cfg(target_os = "linux")]
