@@ -10,8 +10,8 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
-use serde_json::{Value, json};
-use simulated::scenario::{Motor, Scenario, Timed};
+use serde::Serialize;
+use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 use simulated::scheme::SchemeWords;
 
 /// Largest time constant of a motor with its load, in seconds.
@@ -184,64 +184,115 @@ impl Random {
     }
 }
 
-/// A random scenario in TOML. Parts that random scenarios do not have are left out.
+/// A random scenario as a scenario file. Parts that random scenarios do not have are left out.
+#[derive(Serialize)]
+struct File<'a> {
+    name: &'a str,
+    duration_s: f64,
+    control_period_ms: u32,
+    seed: u64,
+    battery: BatteryTable,
+    motors: Vec<MotorTable<'a>>,
+}
+
+#[derive(Serialize)]
+struct BatteryTable {
+    emf_v: f64,
+    resistance_ohm: f64,
+    unlimited: bool,
+}
+
+#[derive(Serialize)]
+struct MotorTable<'a> {
+    label: &'a str,
+    motor: &'a str,
+    inertia: &'static str,
+    #[serde(flatten)]
+    scheme: SchemeWords,
+    friction: Option<FrictionTable>,
+    duty: Option<&'static str>,
+    configured: Configuration,
+    load: LoadTable,
+    setpoints: Vec<SetpointTable>,
+    torques: Vec<TorqueTable>,
+}
+
+#[derive(Serialize)]
+struct FrictionTable {
+    coulomb_percent: f64,
+}
+
+#[derive(Serialize)]
+struct LoadTable {
+    inertia_kg_m2: f64,
+    drag_nms_per_rad: f64,
+    torque_nm: f64,
+}
+
+#[derive(Serialize)]
+struct TorqueTable {
+    at_s: f64,
+    torque_nm: f64,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum SetpointTable {
+    Velocity { at_s: f64, velocity_cps: i32 },
+    Position { at_s: f64, position_counts: i32, tolerance_counts: u16, speed_limit_cps: i32 },
+    Disabled { at_s: f64, disable: bool },
+}
+
+/// A random scenario in TOML.
 pub fn toml(scenario: &Scenario) -> String {
-    let Scenario { name, duration_s, period, seed, battery, motors, .. } = scenario;
-    let document = json!({
-        "name": name,
-        "duration_s": duration_s,
-        "control_period_ms": period.as_millis(),
-        "seed": seed,
-        "battery": {
-            "emf_v": battery.emf.0,
-            "resistance_ohm": battery.resistance.0,
-            "unlimited": scenario.unlimited,
+    let Scenario { name, duration_s, period, seed, battery, motors, unlimited, .. } = scenario;
+    let file = File {
+        name,
+        duration_s: *duration_s,
+        control_period_ms: period.as_millis(),
+        seed: *seed,
+        battery: BatteryTable {
+            emf_v: battery.emf.0,
+            resistance_ohm: battery.resistance.0,
+            unlimited: *unlimited,
         },
-        "motors": motors.iter().map(table).collect::<Vec<Value>>(),
-    });
-    // TOML has a form for every value of the document.
-    toml::to_string(&document).unwrap_or_default()
+        motors: motors.iter().map(table).collect(),
+    };
+    // TOML has a form for every value of the file.
+    toml::to_string(&file).unwrap_or_default()
 }
 
-fn table(motor: &Motor) -> Value {
+fn table(motor: &Motor) -> MotorTable<'_> {
     let Motor { label, constants, load, .. } = motor;
-    let scheme = json!(SchemeWords(motor.scheme));
-    let friction = friction_percent(motor);
+    let coulomb_percent = friction_percent(motor);
     let torques = motor.torques.iter().filter(|timed| timed.at_s > 0.0);
-    let torques = torques.map(|timed| json!({ "at_s": timed.at_s, "torque_nm": timed.value }));
-    let mut table = json!({
-        "label": label,
-        "motor": constants.name,
-        "inertia": if constants.j == constants.j_rotor_measured { "rotor" } else { "paper" },
-        "scheme": scheme["scheme"],
-        "blend": scheme["blend"],
-        "friction": (friction > 0.0).then(|| json!({ "coulomb_percent": friction })),
-        "duty": (motor.duty == DutyRule::LinearDuty).then_some("linear-duty"),
-        "configured": motor.configuration,
-        "load": {
-            "inertia_kg_m2": load.inertia_after.0,
-            "drag_nms_per_rad": load.drag_after.0,
-            "torque_nm": motor.torque_at(0.0),
+    MotorTable {
+        label,
+        motor: constants.name,
+        inertia: if constants.j == constants.j_rotor_measured { "rotor" } else { "paper" },
+        scheme: SchemeWords(motor.scheme),
+        friction: (coulomb_percent > 0.0).then_some(FrictionTable { coulomb_percent }),
+        duty: (motor.duty == DutyRule::LinearDuty).then_some("linear-duty"),
+        configured: motor.configuration,
+        load: LoadTable {
+            inertia_kg_m2: load.inertia_after.0,
+            drag_nms_per_rad: load.drag_after.0,
+            torque_nm: motor.torque_at(0.0),
         },
-        "setpoints": motor.setpoints.iter().map(setpoint).collect::<Vec<Value>>(),
-        "torques": torques.collect::<Vec<Value>>(),
-    });
-    // TOML has no null.
-    if let Some(fields) = table.as_object_mut() {
-        fields.retain(|_, value| !value.is_null());
+        setpoints: motor.setpoints.iter().map(setpoint).collect(),
+        torques: torques.map(|timed| TorqueTable { at_s: timed.at_s, torque_nm: timed.value }).collect(),
     }
-    table
 }
 
-fn setpoint(&Timed { at_s, value }: &Timed<Setpoint>) -> Value {
+fn setpoint(&Timed { at_s, value }: &Timed<Setpoint>) -> SetpointTable {
     match value {
-        Setpoint::Velocity(speed) => json!({ "at_s": at_s, "velocity_cps": speed.round() }),
-        Setpoint::Position { target, tolerance, speed_limit } => json!({
-            "at_s": at_s,
-            "position_counts": target,
-            "tolerance_counts": tolerance,
-            "speed_limit_cps": speed_limit.round(),
-        }),
-        _ => json!({ "at_s": at_s, "disable": true }),
+        Setpoint::Velocity(speed) => SetpointTable::Velocity { at_s, velocity_cps: speed.round() },
+        Setpoint::Position { target, tolerance, speed_limit } => SetpointTable::Position {
+            at_s,
+            position_counts: target,
+            tolerance_counts: tolerance,
+            speed_limit_cps: speed_limit.round(),
+        },
+        _ => SetpointTable::Disabled { at_s, disable: true },
     }
 }
