@@ -7,13 +7,14 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. Otherwise each new command
-//! would drive the other members for a tick, until the member with the fault is lost.
+//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. If a group with a member at
+//! fault did not wait, it would drive its other members for a tick, until the member is lost.
 //!
-//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members are
-//! disabled (they coast) in two cases: the lost member is disabled or in fail-safe, or the group's setting is
-//! [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on their course. A group stays `Moving` after the end of
-//! its course, and holds the positions of its members.
+//! A member of a moving group is *lost* when it has a fault, gets a set-point of its own, which may be disabled or
+//! fail-safe, or joins another group. The other members are disabled (they coast) if the lost member was disabled or
+//! put into fail-safe, or if the group's setting is [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on
+//! their course. A group stays `Moving` after the end of its course, and holds the positions of its members. A command
+//! for exactly the members of a moving group changes its course.
 
 use super::base::Base;
 use crate::group::{Group, GroupCommand, Halt, MOTORS, for_motors};
@@ -62,8 +63,8 @@ impl<const N: usize> Groups<N> {
     /// Changes the course of the moving group that started with exactly the members of `command`, and has lost none. If
     /// there is no such group, each member leaves its old group, and a new group waits to start. The other members of
     /// the old groups halt according to the setting of their group. A group that has lost members does not continue
-    /// with a new course, even if its remaining members are the members of `command`: as a new group they may have
-    /// other corrections by the gyro.
+    /// with a new course, even if its remaining members are the members of `command`: a new group has the corrections
+    /// by the gyro only if its members are the two wheels of a drive base.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -94,15 +95,16 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A
-    /// motor that has left a group gets the velocity 0 as its set-point. The setting `ZeroPower` says whether this
-    /// motor then brakes or coasts.
+    /// motor that has left a group gets the velocity 0 as its set-point. With the setting `ZeroPower::Float` this motor
+    /// coasts, otherwise it stops and holds its position.
     pub(super) fn release_and_stop(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.remove_members(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay halt according to `halt`; `None` stands for the
-    /// group's own setting. A waiting group then ends. Returns the motors of `leaving` that were in a group.
+    /// group's own setting. A waiting group that loses a member ends. Returns the motors of `leaving` that were in a
+    /// group.
     pub(super) fn remove_members(
         &mut self,
         leaving: [bool; N],
@@ -124,7 +126,7 @@ impl<const N: usize> Groups<N> {
             }
             let ended = match state {
                 ActiveGroup::Waiting(command) => {
-                    // The set-points from before the group's command do not come into force again.
+                    // Otherwise each member would continue with the set-point that it had before the group's command.
                     let setpoint = match halt.unwrap_or(command.halt) {
                         Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
                         Halt::Coast => Setpoint::Disabled,
@@ -180,7 +182,7 @@ impl<const N: usize> Groups<N> {
                     let settle_detector = SettleDetector::default();
                     *state = ActiveGroup::Moving { group, started_with: members, settle_detector };
                 } else {
-                    // The set-points from before the group's command do not come into force again.
+                    // Otherwise each member would continue with the set-point that it had before the group's command.
                     members_of(&members, motors)
                         .for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
                 }
@@ -197,9 +199,9 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Finishes a tick of all moving groups. Removes members with a fault from their group, and halts the other members.
-    /// Sets `settled` in the members' reports: true for all members if the whole group has settled. A group that has
-    /// lost a member never settles.
+    /// Finishes a tick of all moving groups. Removes members with a fault from their group, and halts the other
+    /// members. Sets `settled` in the members' reports: true for all members if the whole group has settled. A group
+    /// that has lost a member never settles.
     pub(super) fn review(
         &mut self,
         reports: &mut [Report; N],

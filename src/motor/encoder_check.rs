@@ -7,8 +7,8 @@
 //!                 full reverse, wrong speed                 free, or reversed request
 //!   RunningAway ◀────────────────────────── Watching ◀───────────────────────────────┐
 //!     │    │                                 ▲    │                                   │
-//!     │    └──────── right speed ────────────┘    │ too few counts                    │
-//!     │                                           ▼                                   │
+//!     │    └─ no longer full reverse, or ────┘    │ too few counts                    │
+//!     │       right speed                         ▼                                   │
 //!     │ not slower                            Releasing ────────── motion ─────────▶ Stalled
 //!     │                                           │ time over                         ▲
 //!     ▼                                           ▼                                   │
@@ -58,13 +58,13 @@
 //!
 //! | motor | time to a fault |
 //! |---|---|
-//! | turned steadily, then silent | 250 ms, with a control period of any length |
+//! | turned steadily, then silent | 250 ms; 256 ms were seen at a control period of 42 ms |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
 //! | is slow-counting or heavy, and turned steadily or has a least gain | more than 250 ms, until the expected distance is reached |
-//! | without a least gain, last turned, or first driven, in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
+//! | without a least gain, and turned or was driven in the other direction before | 1 s: a heavy motor may take 0.8 s to reverse |
 //! | without a least gain, has toggled one to three times | 2.8 s: a heavy motor may take 0.8 s to start, and 2 s in the probe |
-//! | without a least gain and slow-counting | some 4 s |
-//! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
+//! | without a least gain and slow-counting | some 4 s, and 5 s if it has toggled |
+//! | dynamics not configured, runs away after counts in the right direction | sooner if it clearly becomes faster, usually 2 s; longer or never from full speed (`docs/concepts/faults.md`) |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
@@ -126,9 +126,9 @@ impl Tick<'_> {
             && self.is_at_end_of_range()
     }
 
-    /// True if the last command is at the end of the control range, or at full duty if a limit has changed the request.
-    /// In Schemes C and D the control value of a limited voltage may be at the end of the range, although the limit
-    /// holds the motor back.
+    /// True if the last command is at the end of the control range (see [`Runaway::FULL_CONTROL`]). If a limit has
+    /// changed the request, the duty must be at the end of its range instead: in Schemes C and D the control value of
+    /// the lower voltage may still be at the end of the control range.
     fn is_at_end_of_range(&self) -> bool {
         if self.command.is_limited() {
             self.command.limited.drive.duty.to_bits() >= Runaway::FULL_CONTROL as u16
@@ -143,22 +143,22 @@ impl Tick<'_> {
 pub(super) struct EncoderCheck {
     state: State,
     /// True if the motor has no configured dynamics, and the regulator has trusted its encoder at any tick of the
-    /// check. While a heavy motor brakes, its counts are against the voltage, and the regulator may withdraw its trust.
-    /// This field keeps the trust.
+    /// check. The regulator may no longer trust the encoder while a heavy motor brakes, because the counts are then
+    /// against the voltage. This field stays true.
     trusted: bool,
 }
 
 /// Limits of the state Watching.
 impl EncoderCheck {
-    /// Shortest silence that is checked, in µs. With a shorter silence the motor turns. Chosen: a motor with a
-    /// working encoder and at least 100 counts/s is not checked.
+    /// Shortest silence that is checked, in µs. A motor whose last count is not as old counts as turning. Chosen: a
+    /// motor with a working encoder and at least 100 counts/s is not checked.
     const QUIET_US: u32 = 10_000;
     /// Largest ratio of the speed before the silence to the requested speed. Up to this ratio the silence is checked as
     /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest. Chosen.
     const SPEED_RATIO: f32 = 1.5;
     /// Shortest silence, in ms, that can have too few counts by its expected distance. At a control period of 50 ms
-    /// such a silence is found after at most 96 ms. A release of 50 ms and a probe of up to 100 ms then end within 250
-    /// ms.
+    /// such a silence is found within another period, after at most 96 ms. A release of 50 ms and a probe of up to 100
+    /// ms then end within 250 ms.
     const SILENCE_MS: u32 = 46;
     /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
     /// motor with a working encoder, fewer counts are missing (decision 29).
@@ -168,7 +168,7 @@ impl EncoderCheck {
     const UNKNOWN_MS: u32 = 140;
     /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
     /// times in the silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a
-    /// fault is found within the 1 s of the table.
+    /// fault is found within the 1 s of the table. A motor that has toggled has a probe of 2 s.
     const HEAVY_MS: u32 = 800;
     /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
     /// of such a motor is behind the gear, or its rotor is heavy.
@@ -373,21 +373,20 @@ impl Suspect {
     const COUNTS: f32 = 2.0;
     /// Requested drive voltage of the probe, before limits, as a share of the battery voltage. Chosen.
     const DRIVE_SHARE: f32 = 0.9;
-    /// Longest mechanical time constant of a motor without a least gain, in s. A NeveRest 60 with 25 times the inertia
-    /// of its rotor has this time constant: with 1000 times the inertia it has 98 s (decision 29).
+    /// Longest mechanical time constant that is assumed of a motor without a least gain, in s: that of a NeveRest 60
+    /// with 25 times the inertia of its rotor. Heavier motors exist, and may be taken for stuck (decision 29).
     const TIME_CONSTANT_S: f32 = 2.5;
-    /// Longest mechanical time constant of a slow-counting motor without a least gain, in s. Chosen.
+    /// Longest mechanical time constant that is assumed of a slow-counting motor without a least gain, in s. Chosen.
     const SLOW_COUNTING_TIME_CONSTANT_S: f32 = 50.0;
 }
 
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
-        // The probe turns in the other direction, where a load that resisted the run helps, and a load that drove the motor
-        // resists. So after a run against a load the probe meets no more resistance than the run did. The resisting volts
-        // of the run include the uncertainty of the estimate once, and the probe adds the uncertainty a second time. The
-        // heaviest friction is assumed for a motor that started from rest, and at least the load for a motor that was
-        // driven by its load.
+        // The probe turns in the other direction. A load that resisted the run helps there, so the probe meets no more
+        // resistance than the run did. A load that drove the motor resists the probe. The resisting volts of the run
+        // include the uncertainty of the estimate once. The probe adds the uncertainty a second time. For a motor that
+        // started from rest the heaviest friction is assumed.
         let resisting_volts = run.map_or(Expected::FRICTION_VOLTS, |run| {
             let volts = run.resisting_volts(tick);
             if volts > Expected::UNCERTAINTY_VOLTS {
@@ -423,9 +422,8 @@ impl Suspect {
     /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
     /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        // A limit may reduce the drive voltage. Without a limit the requested share of the battery is used, not the
-        // slightly lower voltage of the command: with the latter a probe on the NUCLEO-F429ZI took a tick of 50 ms
-        // more.
+        // A limit may reduce the drive voltage. Without a limit the voltage of the command is a little lower than the
+        // requested share of the battery: with it a probe on the NUCLEO-F429ZI took a tick of 50 ms more.
         let drive_volts = if tick.command.is_limited() {
             -along(self.clockwise, tick.command.limited.voltage.to_volts())
         } else {
@@ -522,8 +520,8 @@ struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
     /// Extension of the late span in the second comparison, in ms: the time in which a heavy motor covers
-    /// [`EXPECTED_COUNTS`] from rest. Its drive voltage exceeds the resisting volts by the heaviest friction. Its gain
-    /// is the least gain or, if the encoder is trusted, the gain of the longest mechanical time constant. The extension
+    /// [`EXPECTED_COUNTS`] from rest, accelerated by a voltage as large as the heaviest friction. Its gain is the least
+    /// gain or, if the encoder is trusted, the gain of the longest mechanical time constant. The extension
     /// is 0 for a motor without a least gain whose encoder is not trusted.
     extension_ms: u32,
     /// True in the second comparison, whose early span contains both spans of the first comparison.
@@ -558,8 +556,8 @@ impl Runaway {
     /// Chosen.
     const FASTER_COUNTS: i32 = 4;
     /// Counts of a late span for which the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A late
-    /// span with fewer counts must be as fast as the early span even without `ERROR_COUNTS` of its counts. Otherwise a
-    /// second comparison follows.
+    /// span with fewer counts must be as fast as the early span after `ERROR_COUNTS` were subtracted from its counts.
+    /// Otherwise a second comparison follows.
     const EXACT_COUNTS: i32 = 40;
     /// Errors of both spans together, in counts: one count at the end of each span.
     const ERROR_COUNTS: i32 = 2;

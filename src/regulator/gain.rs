@@ -2,10 +2,11 @@
 //!
 //! The observer predicts the position of the shaft with a gain b. theta is the relative error of b: the true gain is
 //! b (1 + theta). The predicted position is linear in b, so the error of the prediction is s theta. s is the
-//! *sensitivity* of the predicted position: its change per relative change of b. The sensitivity follows the
-//! observer's own equations. Between corrections s grows with the accelerating voltage, which is the mean current as a
-//! voltage. Each correction of position, speed and load reduces s like any other error of the prediction. So the error
-//! e of a correction is a measurement of theta, with the Kalman gain k and the variance r of the noise:
+//! *sensitivity* of the predicted position: its change per relative change of b. The sensitivity is predicted with the
+//! motor's equation of motion, as the observer's state is, but the accelerating voltage (the voltage across the motor
+//! less its back EMF) drives it alone. Each correction of the observer removes a part of the error of the prediction,
+//! and the same part of s. So the error e of a correction is a measurement of theta, with the Kalman gain k and the
+//! variance r of the noise:
 //!
 //! ```text
 //! e = s theta + noise        k = P s / (s² P + r)        theta += k (e - s theta)        P -= k s P
@@ -23,12 +24,14 @@ use libm::sqrtf;
 /// Initial guess of the mechanical time constant of an unknown motor, in s: about the time constant of a bare gear
 /// motor.
 const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
-/// Shortest and longest plausible mechanical time constant of a motor with its load, in s.
-const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
-/// Variance of theta for the initial guess, and the variance up to which it grows. The standard deviation is as large
-/// as the guess.
+/// Shortest plausible mechanical time constant of a motor, in s.
+const SHORTEST_TIME_CONSTANT_S: f32 = 0.01;
+/// Longest plausible mechanical time constant of a motor with its load, in s.
+const LONGEST_TIME_CONSTANT_S: f32 = 30.0;
+/// Variance of theta for the initial guess. The standard deviation is as large as the guess.
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads change. Chosen: measured with the program
+/// Growth of the variance in a second, up to [`GUESS_VARIANCE`], because windings warm up and loads change. Chosen:
+/// measured with the program
 /// `survey`, which simulates random motors. With 0.08 to 0.13 fewer responses never settle than with 0.03. With 0.12 a
 /// broken wire of a motor with a heavy flywheel is known after 268 ms, and 250 ms are allowed.
 const VARIANCE_PER_SECOND: f32 = 0.11;
@@ -50,8 +53,9 @@ const VOLTAGE_NOISE: f32 = 0.3;
 const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
 /// Number of standard deviations of the noise up to which noise may explain a correction.
 const LARGEST_NOISE_SIGMAS: f32 = 4.0;
-/// Time after which the observer has corrected a wrong initial state, in s.
-const SETTLING_S: f32 = 0.05;
+/// Length of a pause of the estimate, in s. In this time the observer corrects most of a wrong state: it is two time
+/// constants of the fastest observer.
+const PAUSE_S: f32 = 0.05;
 /// Longest sum of successive pauses of the estimate, in s. An explained correction outside of a pause ends the series
 /// of pauses. The sum is six time constants of the slowest observer of a NeveRest 60, whose poles are 10 per second for
 /// the heaviest plausible load. The observer corrects a wrong state in this time. If corrections are still unexplained,
@@ -78,9 +82,9 @@ const HEAVY_TIME_CONSTANT_RATIO: f32 = 1.25;
 /// Balance of counts at which the encoder is trusted. The balance is the counts in the direction of the voltage less
 /// the counts against the voltage.
 const TRUSTED_COUNTS: i32 = 30;
-/// Largest balance of counts: [`TRUSTED_COUNTS`] and 300 more. A heavy motor may brake in reverse at 3000 counts/s
-/// for a control period of 100 ms. The encoder then stays trusted, and [`GainEstimate::is_heavy`] true.
-const MOST_TRUST_COUNTS: i32 = 330;
+/// Largest balance of counts. A heavy motor may brake in reverse at 3000 counts/s for a control period of 100 ms, which
+/// are 300 counts against the voltage. The encoder then stays trusted, and [`GainEstimate::is_heavy`] true.
+const MOST_TRUST_COUNTS: i32 = TRUSTED_COUNTS + 300;
 
 /// The estimate of one motor's gain, relative to the gain b that the observer uses.
 #[derive(Clone, Copy, Debug)]
@@ -93,9 +97,8 @@ pub(super) struct GainEstimate {
     sensitivity: Sensitivity,
     /// Balance of counts, limited to 0 to [`MOST_TRUST_COUNTS`]. Counts without a voltage are not included.
     trust_counts: i32,
-    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this
-    /// time is over.
-    settling_s: f32,
+    /// Remaining time of a pause, in s. Theta is not updated before this time is over.
+    pause_s: f32,
     /// Sum of the present series of pauses, in s: see [`LONGEST_PAUSE_S`].
     paused_s: f32,
     /// Accelerating voltage in V, see [`Observer::net_volts`]; 0 while the bridge is open.
@@ -118,7 +121,7 @@ impl GainEstimate {
             variance: GUESS_VARIANCE,
             sensitivity: Sensitivity { position: 0.0, speed: 0.0, load: 0.0 },
             trust_counts: 0,
-            settling_s: 0.0,
+            pause_s: 0.0,
             paused_s: 0.0,
             net_volts: 0.0,
             mean_net_volts: 0.0,
@@ -127,14 +130,16 @@ impl GainEstimate {
         }
     }
 
-    /// Resets the estimate to the initial guess. The observer still uses the gain of `plant`. The next calls of
-    /// [`take_gain`](Self::take_gain) lead from this gain to the guess, each by a factor of [`LARGEST_STEP`] at most.
+    /// Resets the estimate to the initial guess, and trusts the encoder no longer. The observer still uses the gain of
+    /// `plant`. The next calls of [`take_gain`](Self::take_gain) lead from this gain to the guess, each by a factor of
+    /// [`LARGEST_STEP`] at most.
     pub(super) fn discard(&mut self, plant: &Plant) {
         *self = Self::new();
         self.return_to_guess(plant);
     }
 
-    /// Sets theta and its variance to the initial guess. The observer still uses the gain of `plant`.
+    /// Sets the estimated gain and its variance to the initial guess. The observer still uses the gain of `plant`, so
+    /// theta becomes guess / b - 1.
     fn return_to_guess(&mut self, plant: &Plant) {
         (self.theta, self.variance, self.paused_s, self.is_fixed) = (0.0, GUESS_VARIANCE, 0.0, false);
         self.refer_to(plant.b / guessed_gain(plant.kappa));
@@ -159,8 +164,9 @@ impl GainEstimate {
         self.variance /= factor * factor;
     }
 
-    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Corrections then do
-    /// not update theta until [`learn_again`](Self::learn_again), or until the estimate returns to the initial guess.
+    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Its variance stays.
+    /// Corrections then do not update theta until [`update_again`](Self::update_again), or until the estimate returns
+    /// to the initial guess.
     pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
         self.is_fixed = true;
@@ -172,30 +178,30 @@ impl GainEstimate {
     }
 
     /// Lets corrections update theta again after [`multiply`](Self::multiply).
-    pub(super) const fn learn_again(&mut self) {
+    pub(super) const fn update_again(&mut self) {
         self.is_fixed = false;
     }
 
-    /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends
-    /// a pause of [`restart`](Self::restart).
+    /// Sets the sensitivity of a motor at rest to 0: with an open bridge and no motion the state of the observer does
+    /// not depend on the gain. Ends a [pause](Self::pause).
     pub(super) fn rest(&mut self) {
-        (self.sensitivity, self.settling_s, self.paused_s) = (Sensitivity::default(), 0.0, 0.0);
+        (self.sensitivity, self.pause_s, self.paused_s) = (Sensitivity::default(), 0.0, 0.0);
     }
 
-    /// Pauses the estimate for [`SETTLING_S`], in which the observer corrects a state that is wrong for another reason
+    /// Pauses the estimate for [`PAUSE_S`], in which the observer corrects a state that is wrong for another reason
     /// than the gain.
-    pub(super) fn restart(&mut self) {
-        (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
+    pub(super) fn pause(&mut self) {
+        (self.sensitivity, self.pause_s) = (Sensitivity::default(), PAUSE_S);
     }
 
-    /// Predicts the sensitivity one sample later. Must be called before the observer predicts the same sample. `voltage` is
-    /// in V; `None` while the bridge is open.
+    /// Predicts the sensitivity one sample later. Must be called before the observer predicts the same sample.
+    /// `voltage` is in V; `None` while the bridge is open.
     pub(super) fn predict(&mut self, plant: &Plant, observer: &Observer, voltage: Option<f32>) {
         self.net_volts = observer.net_volts(plant, voltage);
         let damping = observer.decay(plant);
         self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
-        if self.settling_s > 0.0 {
-            self.settling_s -= SAMPLE_S;
+        if self.pause_s > 0.0 {
+            self.pause_s -= SAMPLE_S;
             self.paused_s += SAMPLE_S;
             return;
         }
@@ -205,14 +211,14 @@ impl GainEstimate {
     }
 
     /// Updates the estimate from a correction of the observer, after a sample with `moved` counts at this voltage in
-    /// V. Theta is only updated if `learns` is true.
+    /// V. Theta is only updated if `updates` is true.
     pub(super) fn correct(
         &mut self,
         plant: &Plant,
         correction: &Correction,
         moved: i32,
         voltage: Option<f32>,
-        learns: bool,
+        updates: bool,
     ) {
         // A shaft that is turned without a voltage does not show in which direction the encoder sends counts.
         let counts_along_voltage = match voltage {
@@ -234,15 +240,13 @@ impl GainEstimate {
         let excited = voltage.is_some_and(|volts| {
             (self.net_volts - self.mean_net_volts).abs() > EXCITATION_SHARE * volts.abs()
         });
-        // A step to a smaller gain may have raised the variance above the variance of the guess.
+        // After a step to a smaller gain, the variance relative to this gain may be above the variance of the guess.
         if excited && s.abs() > LEAST_GROWTH_SENSITIVITY && self.variance < GUESS_VARIANCE {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        let is_noise = innovation * innovation <= LARGEST_NOISE_SIGMAS * LARGEST_NOISE_SIGMAS * noise;
-        let is_explained = is_noise
-            || innovation.abs()
-                <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
-                    + LARGEST_NOISE_SIGMAS * sqrtf(noise);
+        let is_explained = innovation.abs()
+            <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
+                + LARGEST_NOISE_SIGMAS * sqrtf(noise);
         if !is_explained {
             // With so small a sensitivity a wrong gain is not the cause: the state of the observer is wrong.
             if s.abs() * guessed_gain(plant.kappa) < RELEVANT_SENSITIVITY * plant.b {
@@ -251,12 +255,12 @@ impl GainEstimate {
                 if self.paused_s > LONGEST_PAUSE_S {
                     self.return_to_guess(plant);
                 }
-                self.restart();
+                self.pause();
                 return;
             }
-        } else if self.settling_s <= 0.0 {
+        } else if self.pause_s <= 0.0 {
             self.paused_s = 0.0;
-            if excited && learns && !self.is_fixed && self.share_since_count > LEAST_SILENT_SHARE {
+            if excited && updates && !self.is_fixed && self.share_since_count > LEAST_SILENT_SHARE {
                 let k = self.variance * s / (s * s * self.variance + noise);
                 self.theta += k * innovation;
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);
@@ -268,14 +272,15 @@ impl GainEstimate {
     }
 
     /// Returns the new gain at a control tick, in counts/s² per V, and the change of the observer's state that
-    /// follows from the new gain. The caller must use both. The gain changes by a factor of [`LARGEST_STEP`] at most.
+    /// follows from the new gain. The caller must use both, because the change of the state belongs to the new gain.
+    /// The gain changes by a factor of [`LARGEST_STEP`] at most.
     /// `None` while the estimate differs from the gain in use by less than [`LEAST_CHANGE`].
     pub(super) fn take_gain(&mut self, plant: &Plant) -> Option<(f32, Sensitivity)> {
         if self.theta.abs() < LEAST_CHANGE {
             return None;
         }
-        let (shortest, longest) = PLAUSIBLE_TIME_CONSTANT_S;
-        let (least, most) = (1.0 / (longest * plant.kappa), 1.0 / (shortest * plant.kappa));
+        let least = 1.0 / (LONGEST_TIME_CONSTANT_S * plant.kappa);
+        let most = 1.0 / (SHORTEST_TIME_CONSTANT_S * plant.kappa);
         let estimated = at_most(at_least(plant.b * (1.0 + self.theta), least), most);
         self.theta = estimated / plant.b - 1.0;
         let factor = at_most(at_least(1.0 + self.theta, 1.0 / LARGEST_STEP), LARGEST_STEP);

@@ -194,7 +194,7 @@ impl Regulator {
             }
             self.pass_voltage();
             self.gain_estimate = new.dynamics.is_none().then(GainEstimate::new);
-            self.restart_gain_estimate();
+            self.pause_gain_estimate();
         } else if old.coefficients != new.coefficients {
             // PID does not find swings.
             self.end_swings();
@@ -219,7 +219,7 @@ impl Regulator {
     fn restart(&mut self, speed: f32) {
         self.observer = Observer::new(speed);
         self.law.set_friction_speed(0.0);
-        self.restart_gain_estimate();
+        self.pause_gain_estimate();
     }
 
     /// Sets the load to 0, also the friction that it includes.
@@ -246,9 +246,9 @@ impl Regulator {
     }
 
     /// Pauses the gain estimate of an unknown motor until the observer has corrected a wrong state.
-    fn restart_gain_estimate(&mut self) {
+    fn pause_gain_estimate(&mut self) {
         if let Some(estimate) = &mut self.gain_estimate {
-            estimate.restart();
+            estimate.pause();
         }
     }
 
@@ -305,8 +305,8 @@ impl Regulator {
                     && (counts_due(self.requested) || missed_counts >= UNCERTAIN_COUNTS);
             // In open loop nothing depends on the gain. A brake and a load often begin together, and the load would
             // then be taken for inertia.
-            let learns = self.uses_speed && (moved != 0 || !uncertain);
-            estimate.correct(&self.plant, &correction, moved, self.volts, learns);
+            let updates = self.uses_speed && (moved != 0 || !uncertain);
+            estimate.correct(&self.plant, &correction, moved, self.volts, updates);
         }
     }
 
@@ -388,7 +388,7 @@ impl Regulator {
         (self.swings, self.ends_swings) = (Swings::default(), false);
         self.set_gain_ratio(1.0, settings, period);
         if let Some(estimate) = &mut self.gain_estimate {
-            estimate.learn_again();
+            estimate.update_again();
         }
     }
 
@@ -593,7 +593,7 @@ impl Regulator {
                 // The estimate may have been raised by mistake, so it is updated again.
                 Some(Swing::Slow) => {
                     if let Some(estimate) = &mut self.gain_estimate {
-                        estimate.learn_again();
+                        estimate.update_again();
                     }
                 }
                 None => (),
@@ -625,7 +625,7 @@ impl Regulator {
         if let Some(estimate) = &mut self.gain_estimate {
             estimate.multiply(factor);
             if ratio == 1.0 {
-                estimate.learn_again();
+                estimate.update_again();
             }
         }
         self.set_gain_ratio(ratio, context.settings, context.period);
