@@ -244,9 +244,12 @@ impl GainEstimate {
         if excited && s.abs() > LEAST_GROWTH_SENSITIVITY && self.variance < GUESS_VARIANCE {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        let is_explained = innovation.abs()
-            <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
-                + LARGEST_NOISE_SIGMAS * sqrtf(noise);
+        // Most corrections are noise, which the squares show without a square root.
+        let is_noise = innovation * innovation <= LARGEST_NOISE_SIGMAS * LARGEST_NOISE_SIGMAS * noise;
+        let is_explained = is_noise
+            || innovation.abs()
+                <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
+                    + LARGEST_NOISE_SIGMAS * sqrtf(noise);
         if !is_explained {
             // With so small a sensitivity a wrong gain is not the cause: the state of the observer is wrong.
             if s.abs() * guessed_gain(plant.kappa) < RELEVANT_SENSITIVITY * plant.b {

@@ -2,8 +2,9 @@
 //! other hubs in turn which motors are enabled. These requests also reset the keep-alive of a hub, so that its motors
 //! stay enabled.
 //!
-//! A hub that does not answer counts as lost. Once a second a lost hub gets a request, with a short time-out, so that it
-//! hardly delays the other hubs. If the shown hub does not answer, the first hub is shown instead.
+//! A child that does not answer counts as lost. Once a second one of the lost hubs is asked to disable its motors, with a
+//! short time-out, so that it hardly delays the other hubs. If the lost hub was shown, the parent is shown instead. If
+//! the parent does not answer, no hub can be reached.
 
 use crate::relay::REQUEST_TIMEOUT;
 use motor_hub::protocol::{Address, CHANNELS};
@@ -16,7 +17,7 @@ use std::time::Duration;
 const MAX_HUBS: usize = 4;
 
 /// Number of frames between two requests for what changes slowly: other hubs, the progress of an identification, the result
-/// of a save. With three other hubs, each hub is asked every 0.3 s.
+/// of a save. There are 50 frames in a second, so each of three other hubs is asked every 0.3 s.
 pub(crate) const FRAMES_PER_QUERY: u64 = 5;
 
 /// Number of frames between two requests to a lost hub: a second.
@@ -44,8 +45,8 @@ pub(crate) struct HubOfChain {
 #[derive(Debug, Default)]
 pub(crate) struct Chain {
     hubs: Vec<HubOfChain>,
-    /// The hubs as they were last sent to pages.
-    shown: Vec<HubOfChain>,
+    /// The hubs that [`changed_hubs`](Self::changed_hubs) has returned last, for pages.
+    sent: Vec<HubOfChain>,
 }
 
 impl Chain {
@@ -55,7 +56,7 @@ impl Chain {
             let (running, shown) = (Vec::new(), address == shown);
             HubOfChain { address, shown, running, fault: false, lost: false }
         };
-        Self { hubs: addresses.iter().take(MAX_HUBS).map(hub).collect(), shown: Vec::new() }
+        Self { hubs: addresses.iter().take(MAX_HUBS).map(hub).collect(), sent: Vec::new() }
     }
 
     /// True if the first hub is shown. In a simulation a page can change motors and battery of the first hub only.
@@ -78,7 +79,7 @@ impl Chain {
             session.select_hub(parent);
             first.shown = true;
         }
-        // The silent hub gets no more requests, so its keep-alive disables its motors.
+        // The silent hub gets only requests to disable its motors. If it does not hear them, its keep-alive disables them.
         *child = HubOfChain { address, shown: false, running: Vec::new(), fault: false, lost: true };
         true
     }
@@ -154,7 +155,7 @@ impl Chain {
         }
     }
 
-    /// In each frame whose number is a multiple of `interval`, asks the next one of these hubs. Returns the hub and its
+    /// In each frame whose number is a multiple of `interval`, asks one of these hubs, in turn. Returns the hub and its
     /// answer; `None` if no hub was asked.
     fn ask_next<T>(
         &mut self,
@@ -168,9 +169,9 @@ impl Chain {
             return None;
         }
         let shown = Address::new(session.address())?;
-        let mut hubs: Vec<_> = self.hubs.iter_mut().filter(|hub| of_these(hub)).collect();
-        let next = (frame / interval) as usize % hubs.len().max(1);
-        let hub = (next < hubs.len()).then(|| hubs.swap_remove(next))?;
+        let count = self.hubs.iter().filter(|hub| of_these(hub)).count();
+        let next = ((frame / interval) as usize).checked_rem(count)?;
+        let hub = self.hubs.iter_mut().filter(|hub| of_these(hub)).nth(next)?;
         session.select_hub(Address::new(hub.address)?);
         let answer = ask(session);
         session.select_hub(shown);
@@ -195,12 +196,12 @@ impl Chain {
         (self.hubs.len() > 1).then_some(&self.hubs)
     }
 
-    /// Returns the hubs; `None` if there are fewer than two, or if nothing has changed since the last call.
+    /// Returns the hubs; `None` if there are fewer than two, or if they are as they were last returned.
     pub(crate) fn changed_hubs(&mut self) -> Option<Vec<HubOfChain>> {
-        if self.several().is_none() || self.shown == self.hubs {
+        if self.several().is_none() || self.sent == self.hubs {
             return None;
         }
-        self.shown.clone_from(&self.hubs);
+        self.sent.clone_from(&self.hubs);
         Some(self.hubs.clone())
     }
 }
