@@ -415,12 +415,7 @@ fn settings_that_a_reset_of_the_hub_has_interrupted_are_not_in_force() {
 #[cfg(feature = "serial")]
 #[test]
 fn after_a_reset_a_session_uses_the_functions_of_the_new_firmware() {
-    let at = |ms: u64| {
-        let mut hub = Hub::new();
-        hub.snapshot.at = Micros::new(1_000 * ms);
-        hub
-    };
-    let mut former = at(60_000);
+    let mut former = Hub::running_for(60_000);
     // The former firmware lacks the newest functions.
     former.answer = |packet| {
         let is_query = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
@@ -433,7 +428,7 @@ fn after_a_reset_a_session_uses_the_functions_of_the_new_firmware() {
     let mut session = Session::open(&server.address).unwrap();
     session.report().unwrap().unwrap();
     assert_eq!((session.equipment().unwrap(), session.resets()), (None, 0));
-    *server.hub() = at(20);
+    *server.hub() = Hub::running_for(20);
     session.report().unwrap().unwrap();
     assert!(session.equipment().unwrap().is_some(), "the new firmware has this function");
     assert_eq!(session.resets(), 1);

@@ -20,7 +20,7 @@ use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::store::{Found, Outcome};
-use motor_hub::units::{Coefficient, Micros, Millivolts};
+use motor_hub::units::{Coefficient, Millivolts};
 use motor_hub::update::{Booted, Phase};
 use motor_hub_client::Session;
 use motor_hub_client::session::TRANSMISSIONS;
@@ -118,17 +118,12 @@ fn a_second_identification_a_scenario_and_changes_of_settings_are_refused_while_
 
 #[test]
 fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
-    let running_for = |ms: u64| {
-        let mut hub = Hub::new();
-        hub.snapshot.at = Micros::new(1_000 * ms);
-        hub
-    };
     const DAY_MS: u64 = 24 * 60 * 60 * 1_000;
     for ms in [60_000, 40 * DAY_MS] {
-        let (server, mut page) = page_of_server(running_for(ms), None);
+        let (server, mut page) = page_of_server(Hub::running_for(ms), None);
         assert_eq!(page.settings("configure", current_limit())["undoable"], 1);
         page.message("frame");
-        *server.hub() = running_for(20);
+        *server.hub() = Hub::running_for(20);
         let is_of_motor_0 = |message: &Value| message["kind"] == "settings" && message["motor"] == 0;
         let settings = page.until("new settings", |_, message| is_of_motor_0(message));
         assert_eq!(settings["undoable"], 0, "{settings}");

@@ -6,11 +6,10 @@ use motor_hub::extension::Request;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::regulator::Kind;
 use motor_hub::supply::DrawStage;
-use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Milliamperes, Millivolts};
+use motor_hub::units::{CountsPerSecond, EmfConstant, Milliamperes, Millivolts};
 use serde_json::Value;
 use std::process::Output;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 pub(crate) fn client(server: &Server, arguments: &[&str]) -> Output {
@@ -343,23 +342,13 @@ fn a_motor_with_the_address_of_its_hub_is_sought_at_that_hub_by_every_command() 
 
 #[test]
 fn a_motion_that_a_reset_has_ended_names_the_reset() {
-    let running_for = |ms: u64| {
-        let mut hub = Hub::new();
-        hub.snapshot.at = Micros::new(1_000 * ms);
-        hub
-    };
-    let enabling = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&enabling);
-    let mut hub = running_for(60_000);
     let enable: Request = ToMotor::SetEnable { on: true }.to(0);
-    hub.loses_reply = Box::new(move |packet| {
-        let is_enable = packet.id == enable.id() && packet.payload.as_slice() == [0, 1];
-        seen.fetch_or(is_enable, Ordering::Relaxed);
-        is_enable
-    });
+    let mut hub = Hub::running_for(60_000);
+    let enabling =
+        hub.lose_replies(move |packet| packet.id == enable.id() && packet.payload.as_slice() == [0, 1]);
     let server = Server::start(hub);
     let process = start_client(&server.address, &["velocity", "0", "400"]);
     wait_for("a motor that is enabled", || enabling.load(Ordering::Relaxed).then_some(()));
-    *server.hub() = running_for(20);
+    *server.hub() = Hub::running_for(20);
     fails(&process.wait_with_output().unwrap(), 1, "the hub was reset meanwhile");
 }

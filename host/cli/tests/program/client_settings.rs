@@ -5,11 +5,9 @@ use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::extension::HubFunction;
 use motor_hub::store::Found;
-use motor_hub::units::Micros;
 use serde_json::Value;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 /// A hub that keeps its settings in this file.
 fn served(store: &str) -> Hub {
@@ -128,20 +126,12 @@ fn a_file_that_was_cut_or_has_no_end_is_refused() {
 #[test]
 fn settings_that_a_reset_has_deleted_are_not_reported_as_stored() {
     let running_for = |ms: u64| {
-        let mut hub = FakeHub::new();
+        let mut hub = FakeHub::running_for(ms);
         hub.responder.restore(Found::default());
-        hub.snapshot.at = Micros::new(1_000 * ms);
         hub
     };
-    let saving = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&saving);
     let mut hub = running_for(60_000);
-    hub.loses_reply = Box::new(move |packet| {
-        packet.id == HubFunction::Save.id() && {
-            seen.store(true, Ordering::Relaxed);
-            true
-        }
-    });
+    let saving = hub.lose_replies(|packet| packet.id == HubFunction::Save.id());
     let server = Server::start(hub);
     let file = format!("{}.toml", store("settings-reset"));
     out(&motor_hub(&["client", "--tcp", &server.address, "settings", "export", &file]));

@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -86,6 +86,25 @@ impl Hub {
             decoder: Decoder::new(),
             since: Instant::now(),
         }
+    }
+
+    /// Returns a hub whose clock shows this time since its reset, in ms.
+    pub(crate) fn running_for(ms: u64) -> Self {
+        let mut hub = Self::new();
+        hub.snapshot.at = Micros::new(1_000 * ms);
+        hub
+    }
+
+    /// Lets the line lose the replies to these requests. Returns a flag that the first of them sets.
+    pub(crate) fn lose_replies(&mut self, to: impl Fn(&Packet) -> bool + Send + 'static) -> Arc<AtomicBool> {
+        let lost = Arc::new(AtomicBool::new(false));
+        let seen = Arc::clone(&lost);
+        self.loses_reply = Box::new(move |packet| {
+            let loses = to(packet);
+            seen.fetch_or(loses, Ordering::Relaxed);
+            loses
+        });
+        lost
     }
 
     /// Executes the requests in the bytes of a host, and returns the bytes of all replies.
