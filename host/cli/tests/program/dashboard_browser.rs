@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 fn a_tab_that_is_killed_loses_its_motors() {
     // On a busy computer the page falls silent before its socket is closed.
     let kill = |tab: Tab<'_>| tab.kill();
-    with_two_pages("killed", kill, "the page in control ", Duration::from_secs(2));
+    let says = ["the page in control was closed", "the page in control showed no new values for 1 s"];
+    with_two_pages("killed", kill, &says, Duration::from_secs(2));
 }
 
 /// A way to stop the motors.
@@ -403,7 +404,7 @@ fn a_click_on_release_gives_control_to_the_page_that_asked_with_motors_off() {
         // Control is released. The page stays open until the other page is served.
         driver.wait("document.querySelector('#take').checkVisibility()");
     };
-    with_two_pages("released", release, "control was released", Duration::from_secs(3));
+    with_two_pages("released", release, &["control was released"], Duration::from_secs(3));
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
         signal(painter, "-STOP");
         stopped = Some(Stopped(painter));
     };
-    with_two_pages("unpainted", stop_painting, "showed no new values for 1 s", Duration::from_secs(3));
+    with_two_pages("unpainted", stop_painting, &["showed no new values for 1 s"], Duration::from_secs(3));
     drop(stopped);
 }
 
