@@ -4,10 +4,10 @@
 //! The diagram shows the main transitions. The text below the terms names all transitions.
 //!
 //! ```text
-//!                 full reverse, wrong speed                 free, or reversed request
+//!               largest reverse, wrong speed                free, or reversed request
 //!   RunningAway ◀────────────────────────── Watching ◀───────────────────────────────┐
 //!     │    │                                 ▲    │                                   │
-//!     │    └─ no longer full reverse, or ────┘    │ too few counts                    │
+//!     │    └─ no longer largest reverse, or ─┘    │ too few counts                    │
 //!     │       right speed                         ▼                                   │
 //!     │ not slower                            Releasing ────────── motion ─────────▶ Stalled
 //!     │                                           │ time over                         ▲
@@ -21,15 +21,20 @@
 //! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain.
 //! * *Least gain*: a lower bound of the gain. The regulator has a least gain if the dynamics are configured, or if the
 //!   estimated gain shows that the motor is heavy.
-//! * *Motion*, *steady run*, *toggle*: see `last_motion`.
-//! * *Silence*: the time without a motion. A new silence also begins when the check enters Watching again.
+//! * *Toggle*: a single count or a count back, as of a shaft that rests on an edge of the encoder.
+//! * *Motion*: a change of the position that is no toggle.
+//! * *Steady run*: motions in one direction for 200 ms or more, see `last_motion`.
+//! * *Silence*: the time without a motion in Watching, while the requested speed is 40 counts/s or more.
 //! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`).
-//! * *Heaviest friction*: 6.6 V, the drive voltage that moves every motor for 12 V (see `expected`).
+//! * *Heaviest friction*: 6.6 V. Every 12 V motor moves with more drive voltage (see `expected`).
 //! * *Time-out*: the longest time for which a motor without a least gain may be silent while the drive voltage exceeds
 //!   the heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction.
 //! * *Too few counts*: a silence of 46 ms or more whose expected distance has reached 12 counts after a steady run, or
 //!   6 counts from rest; or a time-out.
 //! * *Slow-counting motor*: a motor whose encoder sends fewer than 1000 counts/s at a back EMF of 12 V.
+//! * *Reverse*: the bridge drives the motor against its motion.
+//! * *Largest reverse*: reverse at the end of the control range. For PID in Schemes C and D the largest reverse may be
+//!   less than *full reverse*, which is reverse with duty 1.
 //! * *Examination*: a release or a probe.
 //! * *Stall*: a stop or a load holds the motor. A stall is no fault.
 //!
@@ -47,9 +52,9 @@
 //!   ends when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that
 //!   opens the bridge for some ticks does not end a stall. A stalled motor can run away too, and is stalled again after
 //!   the runaway.
-//! * *RunningAway*: the bridge is in reverse at the end of the control range. Nevertheless the motor turns in the wrong
-//!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
-//!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
+//! * *RunningAway*: the bridge is at the largest reverse. Nevertheless the motor turns in the wrong direction, or at
+//!   least twice as fast as requested. A motor with a working encoder becomes slower, unless its load exceeds the
+//!   stall torque. If the motor does not become slower, its encoder is reversed.
 //! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until the motor is
 //!   disabled or in fail-safe.
 //!
@@ -64,7 +69,7 @@
 //! | without a least gain, and turned or was driven in the other direction before | 1 s: a heavy motor may take 0.8 s to reverse |
 //! | without a least gain, has toggled one to three times | 2.8 s: a heavy motor may take 0.8 s to start, and 2 s in the probe |
 //! | without a least gain and slow-counting | some 4 s, and 5 s if it has toggled |
-//! | dynamics not configured, runs away after counts in the right direction | sooner if it clearly becomes faster, usually 2 s; longer or never from full speed (`docs/concepts/faults.md`) |
+//! | dynamics not configured, runs away after counts in the right direction | usually 2 s; sooner if it clearly becomes faster; longer or never if it already had its full speed (`docs/concepts/faults.md`) |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
@@ -109,14 +114,14 @@ impl Tick<'_> {
         self.emf_volts_per_cps() > EncoderCheck::SLOW_COUNTING_EMF_VOLTS_PER_CPS
     }
 
-    /// True if the control range may end before full reverse: for PID in Schemes C and D.
+    /// True if the largest reverse may be less than full reverse: for PID in Schemes C and D.
     fn ends_before_full_reverse(&self) -> bool {
         let settings = self.context.settings;
         settings.coefficients.is_some() && matches!(settings.scheme, Scheme::C | Scheme::D(_))
     }
 
-    /// True if the motor runs away. The bridge is then in reverse at the end of the control range, and the motor turns
-    /// in the wrong direction, or at least twice as fast as requested.
+    /// True if the motor runs away: the bridge is at the largest reverse, and the motor turns in the wrong direction,
+    /// or at least twice as fast as requested.
     fn runs_away(&self) -> bool {
         let velocity = i64::from(self.regulator.velocity().to_bits());
         let twice = 2 * i64::from(self.target.to_bits());
@@ -127,8 +132,8 @@ impl Tick<'_> {
     }
 
     /// True if the last command is at the end of the control range (see [`Runaway::FULL_CONTROL`]). If a limit has
-    /// changed the request, the duty must be at the end of its range instead: in Schemes C and D the control value of
-    /// the lower voltage may still be at the end of the control range.
+    /// changed the request, the duty must be at the end of its range instead. The control value would not do: in
+    /// Schemes C and D it may stay at the end of the control range when the voltage is reduced.
     fn is_at_end_of_range(&self) -> bool {
         if self.command.is_limited() {
             self.command.limited.drive.duty.to_bits() >= Runaway::FULL_CONTROL as u16
@@ -142,16 +147,16 @@ impl Tick<'_> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EncoderCheck {
     state: State,
-    /// True if the motor has no configured dynamics, and the regulator has trusted its encoder at any tick of the
-    /// check. The regulator may no longer trust the encoder while a heavy motor brakes, because the counts are then
+    /// True if the motor has no configured dynamics, and the regulator has trusted its encoder at some tick of
+    /// the check. The regulator may no longer trust the encoder while a heavy motor brakes, because the counts are then
     /// against the voltage. This field stays true.
     trusted: bool,
 }
 
 /// Limits of the state Watching.
 impl EncoderCheck {
-    /// Shortest silence that is checked, in µs. A motor whose last count is not as old counts as turning. Chosen: a
-    /// motor with a working encoder and at least 100 counts/s is not checked.
+    /// Shortest silence that is checked, in µs. A motor with a later motion counts as turning. Chosen: a motor with a
+    /// working encoder and at least 100 counts/s is not checked.
     const QUIET_US: u32 = 10_000;
     /// Largest ratio of the speed before the silence to the requested speed. Up to this ratio the silence is checked as
     /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest. Chosen.
@@ -163,18 +168,18 @@ impl EncoderCheck {
     /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
     /// motor with a working encoder, fewer counts are missing (decision 29).
     const TURNING_COUNTS: f32 = 12.0;
-    /// Shortest time-out, in ms, for every motor without a longer time-out. At a control period of 50 ms the time-out
-    /// is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
-    const UNKNOWN_MS: u32 = 140;
+    /// Time-out, in ms, of a motor to which neither of the two longer time-outs applies. At a control period of 50 ms
+    /// the time-out is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
+    const TIME_OUT_MS: u32 = 140;
     /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
     /// times in the silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a
     /// fault is found within the 1 s of the table. A motor that has toggled has a probe of 2 s.
-    const HEAVY_MS: u32 = 800;
-    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
-    /// of such a motor is behind the gear, or its rotor is heavy.
+    const HEAVY_TIME_OUT_MS: u32 = 800;
+    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. A count
+    /// of such a motor may take long: its encoder is behind the gear, or its rotor is heavy.
     const SLOW_COUNTING_EMF_VOLTS_PER_CPS: f32 = 0.012;
     /// Time-out of a slow-counting motor, in ms. Chosen: a fault is found within the 4 s of the table.
-    const SLOW_COUNTING_MS: u32 = 3_000;
+    const SLOW_COUNTING_TIME_OUT_MS: u32 = 3_000;
 }
 
 /// States of the check.
@@ -182,7 +187,7 @@ impl EncoderCheck {
 enum State {
     /// The regulator drives the motor. `Expected` holds the expected distance of the present silence.
     Watching(Expected),
-    /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
+    /// The bridge is at the largest reverse, and the motor turns at the wrong speed.
     RunningAway(Runaway),
     /// The bridge brakes.
     Releasing {
@@ -209,12 +214,12 @@ impl EncoderCheck {
         matches!(self.state, State::Stalled(_) | State::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
-    /// Ends a release or a probe, so that the next motion begins in Watching. Returns true if there was a release or a
-    /// probe, or if the motor is stalled. A stall does not end.
+    /// Ends an examination, so that the next set-point begins in Watching. Returns true if the motor may press against
+    /// a stop: if there was an examination, or if the motor is stalled. A stall does not end.
     ///
     /// Must be called for a set-point of another kind or direction, and at a tick without regulation. Must not be
-    /// called for a set-point that continues the motion, because a host that streams set-points would then hide a fault
-    /// of the encoder.
+    /// called for a set-point that only changes the target, because a host that streams set-points would then hide a
+    /// fault of the encoder.
     pub(super) const fn end_examination(&mut self, last_motion: &mut LastMotion) -> bool {
         let examining = matches!(self.state, State::Releasing { .. } | State::Probing { .. });
         if examining {
@@ -289,13 +294,14 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
-    // The first counted tick of a silence also adds the time between the last motion and this tick.
+    // The first step reaches back to the last motion, which may be longer ago than a tick.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
-    // The regulator slows a faster motor down, so this motor may come to rest. A load above the stall torque means that
-    // the estimate is wrong: the motor brakes, and may come to rest too.
+    // A motor that brakes may come to rest, so its silence is checked as from rest. The motor brakes if it was much
+    // faster than requested. It also brakes if the estimated load would drive it with more than the stall torque,
+    // because this estimate is wrong.
     let run = last_motion.steady(clockwise).filter(|run| {
         run.speed_cps <= EncoderCheck::SPEED_RATIO * requested
             && run.resisting_volts(tick) >= -Expected::LARGEST_DRIVING_VOLTS
@@ -323,8 +329,8 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     }
     let suspect = Suspect::new(clockwise, run, tick);
     // The time-out of a motor from rest leaves no time for a release.
-    let known = least_gain.is_some() || run.is_some();
-    if known && tick.period_ms() <= Suspect::SHORTEST_MS {
+    let has_time = least_gain.is_some() || run.is_some();
+    if has_time && tick.period_ms() <= Suspect::SHORTEST_MS {
         State::Releasing { suspect, ms: 0 }
     } else {
         State::Probing { suspect, expected: Expected::NONE }
@@ -334,11 +340,11 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
 /// The time-out of a motor without a least gain, in ms.
 fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u32 {
     if tick.counts_slowly() {
-        EncoderCheck::SLOW_COUNTING_MS
+        EncoderCheck::SLOW_COUNTING_TIME_OUT_MS
     } else if last_motion.clockwise() == Some(!clockwise) || last_motion.may_creep() {
-        EncoderCheck::HEAVY_MS
+        EncoderCheck::HEAVY_TIME_OUT_MS
     } else {
-        EncoderCheck::UNKNOWN_MS
+        EncoderCheck::TIME_OUT_MS
     }
 }
 
@@ -349,8 +355,9 @@ struct Suspect {
     clockwise: bool,
     /// Position at which the examination began, in counts.
     position: i32,
-    /// Lower bound of the gain, in counts/s² per V: the least gain. Without a least gain, the gain of a motor
-    /// with the longest time constant; after a steady run the likely least gain, if this is larger.
+    /// Lower bound of the gain, in counts/s² per V: the least gain. A motor without a least gain has the gain of the
+    /// longest time constant or, after a steady run, the larger of this gain and
+    /// [`likely_least_gain`](crate::regulator::Regulator::likely_least_gain).
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
@@ -366,7 +373,7 @@ impl Suspect {
     /// ms.
     const SHORTEST_MS: u32 = 50;
     /// Longest time in Probing, in ms. If the expected distance is still too short after this time, the motor counts as
-    /// stalled. The extension of a span in RunningAway is limited to the same time: the 2 s of the table. Chosen.
+    /// stalled. Also the longest [extension](Runaway::extension_ms) of a span in RunningAway. Chosen.
     const LONGEST_MS: u32 = 2_000;
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. A
     /// single count is no motion, because a shaft that trembles on an edge of the encoder sends single counts too.
@@ -376,22 +383,22 @@ impl Suspect {
     /// Longest mechanical time constant that is assumed of a motor without a least gain, in s: that of a NeveRest 60
     /// with 25 times the inertia of its rotor. Heavier motors exist, and may be taken for stuck (decision 29).
     const TIME_CONSTANT_S: f32 = 2.5;
-    /// Longest mechanical time constant that is assumed of a slow-counting motor without a least gain, in s. Chosen.
+    /// Longest mechanical time constant that is assumed of a slow-counting motor without a least gain, and of a
+    /// runaway whose encoder is trusted, in s. Chosen.
     const SLOW_COUNTING_TIME_CONSTANT_S: f32 = 50.0;
 }
 
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
-        // The probe turns in the other direction. A load that resisted the run helps there, so the probe meets no more
-        // resistance than the run did. A load that drove the motor resists the probe. The resisting volts of the run
-        // include the uncertainty of the estimate once. The probe adds the uncertainty a second time. For a motor that
-        // started from rest the heaviest friction is assumed.
+        // `volts` is the load of the run plus the uncertainty. A motor from rest may have the heaviest friction.
         let resisting_volts = run.map_or(Expected::FRICTION_VOLTS, |run| {
             let volts = run.resisting_volts(tick);
             if volts > Expected::UNCERTAINTY_VOLTS {
+                // The load resisted the run. The probe turns in the other direction, so it meets no larger resistance.
                 Expected::FRICTION_VOLTS.min(volts + Expected::UNCERTAINTY_VOLTS)
             } else {
+                // The load drove the motor, so it resists the probe: `Expected::UNCERTAINTY_VOLTS - volts`.
                 Expected::FRICTION_VOLTS.max(2.0 * Expected::UNCERTAINTY_VOLTS - volts)
             }
         });
@@ -422,8 +429,8 @@ impl Suspect {
     /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
     /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        // A limit may reduce the drive voltage. Without a limit the voltage of the command is a little lower than the
-        // requested share of the battery: with it a probe on the NUCLEO-F429ZI took a tick of 50 ms more.
+        // A limit may reduce the drive voltage. Without a limit the requested voltage is used. The voltage of the
+        // command is slightly lower, and would make a probe on the NUCLEO-F429ZI one tick of 50 ms longer.
         let drive_volts = if tick.command.is_limited() {
             -along(self.clockwise, tick.command.limited.voltage.to_volts())
         } else {
@@ -514,7 +521,7 @@ impl Span {
     }
 }
 
-/// A motor that turns at the wrong speed although the bridge is in reverse at the end of the control range.
+/// A motor that turns at the wrong speed although the bridge is at the largest reverse.
 #[derive(Clone, Copy, Debug)]
 struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
@@ -532,7 +539,7 @@ struct Runaway {
     early: Span,
     /// Second span of the comparison.
     late: Span,
-    /// True while the check commands full reverse, because the control range may end before full reverse.
+    /// True while the check commands full reverse, because the largest reverse may be less.
     full_reverse: bool,
 }
 
@@ -543,17 +550,17 @@ impl Runaway {
     const FULL_CONTROL: i16 = 30_720;
     /// Length of a span, in ms. A springy stop pushes a motor back for some 50 ms, which are within the early span.
     const SPAN_MS: u32 = 100;
-    /// Length in ms of both spans for PID in Schemes C and D, whose control range may end before full reverse. After
-    /// these two spans the check commands full reverse, and a late span of `SPAN_MS` follows. All three spans fit into
-    /// 250 ms. For all other motors the early span is one control period shorter than `SPAN_MS`, but at most
+    /// Length in ms of both spans for PID in Schemes C and D, whose largest reverse may be less than full reverse.
+    /// After these two spans the check commands full reverse, and a late span of `SPAN_MS` follows. All three spans fit
+    /// into 250 ms. For all other motors the early span is one control period shorter than `SPAN_MS`, but at most
     /// `SHORT_SPAN_MS` shorter.
     const SHORT_SPAN_MS: u32 = 50;
     /// Least mean speed of the early span with which the spans can be compared, in counts/s: eight counts in
     /// `SHORT_SPAN_MS`. With a lower speed the comparison begins again.
     const LEAST_SPEED_CPS: f32 = 160.0;
-    /// Counts by which the late span of a heavy motor must exceed the counts at the mean speed of the early span.
-    /// Otherwise a second comparison follows. Each span has an error of one count. The other two counts are a margin.
-    /// Chosen.
+    /// Counts by which the late span of a heavy motor, whose extension is above `SPAN_MS`, must exceed the counts at
+    /// the mean speed of the early span. Otherwise a second comparison follows. Each span has an error of one count.
+    /// The other two counts are a margin. Chosen.
     const FASTER_COUNTS: i32 = 4;
     /// Counts of a late span for which the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A late
     /// span with fewer counts must be as fast as the early span after `ERROR_COUNTS` were subtracted from its counts.
