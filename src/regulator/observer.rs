@@ -10,25 +10,27 @@
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
 //! alone. A prime marks a rate of change. The equation is for a continuous current. At a constant duty a discontinuous
-//! current changes only by a share of the change of the back EMF, see
+//! current, as a voltage, changes only by a share of the change of the back EMF, see
 //! [`emf_share`](crate::braking::Modulation::emf_share). Between two commands of the bridge the acceleration therefore
 //! decays at the rate `drag + emf_share (q - drag)`.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
-//! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
-//! noise: at 1000 counts/s every sample has one count, whatever x is.)
+//! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would add
+//! noise: at 1000 counts/s every sample has one count, so the interval is a whole count and does not show x.)
 //!
 //! A count is *late* while the predicted x is outside of the present count, but the encoder has not sent the next
 //! count. When the late count comes, it shows how long the motor took for the whole count. With a correction at every
 //! sample before the late count, the estimate would be a motor that creeps along the edge of its count. So the observer
 //! corrects nothing before the late count comes. [`Observer::with_late_count`] returns the estimate as if the late
-//! count came now. There are two exceptions. Once x is late by a whole count, the motor may stand, so every further
-//! sample without a count corrects x. While no speed is demanded, every sample with a late count corrects x.
+//! count came now. There are two exceptions. Once x is late by a whole count, the motor may stand, so x is
+//! corrected at every further sample at which the count is late. While no speed is *demanded*, x is corrected at every
+//! sample at which a count is late. A velocity set-point demands a speed; positions and references do not, and neither
+//! does a motor that holds its position.
 //!
-//! Such a correction at standstill is uncertain: x is at an edge of its count, but the shaft may be anywhere within the
-//! count. The next count may show that x is wrong by a whole count, although the shaft has hardly moved. So while the
-//! motor should stand, the correction by a late count has the gains of one sample, and the time t of the next paragraph
-//! continues.
+//! These corrections put x at an edge of its count, but a standing shaft may be anywhere within the count. The next
+//! count may then show that x is wrong by a whole count, although the shaft has hardly moved. So while the motor should
+//! stand, a correction without a count has the small gains of one sample, and does not reset the time t of the next
+//! paragraph.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
 //! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
@@ -79,8 +81,7 @@ pub(super) struct Plant {
     by_drag: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
-    /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
-    /// difference to z.
+    /// Least z, however long ago the last correction was.
     least_z: f32,
     /// Least z while no speed is demanded.
     least_holding_z: f32,
@@ -135,7 +136,7 @@ impl SampleResponse {
     /// Integrates an acceleration that decays at this rate, in 1/s, over a sample.
     fn new(rate: f32) -> Self {
         let x = rate * SAMPLE_S;
-        // A series replaces the quotients where they would cancel.
+        // The quotients lose their digits at a small rate, so a series replaces them.
         if x > 1e-2 {
             let speed = -expm1f(-x) / rate;
             Self { speed, position: (SAMPLE_S - speed) / rate }
@@ -158,7 +159,7 @@ impl SampleResponse {
 pub(super) struct Correction {
     /// True position less predicted position, in counts.
     pub(super) error: f32,
-    /// Time within which the error arose, in s.
+    /// Time in which the error arose, in s: since the last correction, or one sample.
     pub(super) age_s: f32,
     /// Change of the position per error.
     pub(super) position: f32,
@@ -215,8 +216,8 @@ pub(super) struct Observer {
     acceleration: f32,
     /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
-    /// Speed when the voltage was set, in counts/s.
-    driven_w: f32,
+    /// Speed when the voltage was last set, in counts/s.
+    w_at_command: f32,
     /// [`Modulation::emf_share`](crate::braking::Modulation::emf_share) of the present command, 0 to 1. The share is 1
     /// if the plant does not distinguish currents, and 0 while the bridge is open.
     emf_share: f32,
@@ -240,7 +241,7 @@ impl Observer {
             d: 0.0,
             acceleration: 0.0,
             coasting: true,
-            driven_w: w,
+            w_at_command: w,
             emf_share: 0.0,
             speed_demanded: false,
             age_s: 0.0,
@@ -265,8 +266,9 @@ impl Observer {
     }
 
     /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None` if
-    /// nothing is corrected. While a speed is demanded, a sample without a count corrects nothing until the next count
-    /// is late by a whole count. `should_stand` is true if the requested speed is 0.
+    /// nothing is corrected. A sample without a count corrects nothing while no count is late. While a speed is
+    /// demanded, it corrects nothing until the next count is late by a whole count. `should_stand` is true if the
+    /// requested speed is 0.
     pub(super) fn update(&mut self, plant: &Plant, moved: i32, should_stand: bool) -> Option<Correction> {
         if moved == 0 {
             let late = if self.speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
@@ -284,7 +286,7 @@ impl Observer {
         }
         self.overdue = false;
         self.x -= moved as f32;
-        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond the edge.
+        // The shaft passed the edge at an unknown time since the last sample, and may be this far beyond the edge.
         let beyond = at_most(self.w.abs() * SAMPLE_S, 1.0);
         let (least, most) = if moved > 0 { (0.0, beyond) } else { (1.0 - beyond, 1.0) };
         self.confine(plant, least, most)
@@ -295,11 +297,12 @@ impl Observer {
         !(0.0..=1.0).contains(&self.x)
     }
 
-    /// Accelerating voltage at the time of the state, in V: the mean current as a voltage, 0 with the bridge open. When
-    /// the voltage is set, this is the present `voltage` across the motor less the back EMF. Afterwards it changes by
-    /// [`emf_share`](crate::braking::Modulation::emf_share) of the change of the back EMF.
+    /// Accelerating voltage at the time of the state, in V: the mean current as a voltage, 0 with the bridge open.
+    /// `voltage` is the voltage across the motor at the last command. The accelerating voltage was then `voltage` less
+    /// the back EMF. Since then it has changed by [`emf_share`](crate::braking::Modulation::emf_share) of the change of
+    /// the back EMF.
     pub(super) fn net_volts(&self, plant: &Plant, voltage: Option<f32>) -> f32 {
-        let speed = self.driven_w + self.emf_share * (self.w - self.driven_w);
+        let speed = self.w_at_command + self.emf_share * (self.w - self.w_at_command);
         voltage.map_or(0.0, |volts| volts - plant.kappa * speed)
     }
 
@@ -364,7 +367,7 @@ impl Observer {
     /// Sets the voltage in V that the bridge applies from now on, `None` if the bridge is open, and its
     /// [`emf_share`](crate::braking::Modulation::emf_share).
     pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>, emf_share: f32) {
-        (self.coasting, self.driven_w) = (voltage.is_none(), self.w);
+        (self.coasting, self.w_at_command) = (voltage.is_none(), self.w);
         self.emf_share = match voltage {
             None => 0.0,
             Some(_) if plant.distinguishes_currents => emf_share,
