@@ -7,8 +7,8 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. If a group with a member at
-//! fault did not wait, it would drive its other members for a tick, until the member is lost.
+//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. A group that started with a
+//! member at fault would drive its other members for a tick, until the member is lost.
 //!
 //! A member of a moving group is *lost* when it has a fault, gets a set-point of its own, which may be disabled or
 //! fail-safe, or joins another group. The other members are disabled (they coast) if the lost member was disabled or
@@ -63,8 +63,8 @@ impl<const N: usize> Groups<N> {
     /// Changes the course of the moving group that started with exactly the members of `command`, and has lost none. If
     /// there is no such group, each member leaves its old group, and a new group waits to start. The other members of
     /// the old groups halt according to the setting of their group. A group that has lost members does not continue
-    /// with a new course, even if its remaining members are the members of `command`: a new group has the corrections
-    /// by the gyro only if its members are the two wheels of a drive base.
+    /// with a new course, even if its remaining members are the members of `command`: a wheel that is left of a drive
+    /// base would keep its correction by the gyro, which a new group of one wheel does not have.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -126,7 +126,7 @@ impl<const N: usize> Groups<N> {
             }
             let ended = match state {
                 ActiveGroup::Waiting(command) => {
-                    // Otherwise each member would continue with the set-point that it had before the group's command.
+                    // The members still have the set-points from before the command of this group.
                     let setpoint = match halt.unwrap_or(command.halt) {
                         Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
                         Halt::Coast => Setpoint::Disabled,
@@ -182,7 +182,7 @@ impl<const N: usize> Groups<N> {
                     let settle_detector = SettleDetector::default();
                     *state = ActiveGroup::Moving { group, started_with: members, settle_detector };
                 } else {
-                    // Otherwise each member would continue with the set-point that it had before the group's command.
+                    // While the group waits, its members stand. They would otherwise follow their old set-points.
                     members_of(&members, motors)
                         .for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
                 }
@@ -221,7 +221,7 @@ impl<const N: usize> Groups<N> {
             }
             let staying = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
-            // The members that stay after the loss of a member stop before their end positions.
+            // A group that has lost a member stops before its end positions, so it never settles.
             let within_tolerance = staying == *started_with
                 && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
             let settled = settle_detector.step(within_tolerance, fastest(&staying, reports), period);
