@@ -4,7 +4,7 @@ use crate::motion::Pidf;
 use crate::units::{Coefficient, Control, EmfConstant};
 use libm::roundf;
 
-/// Battery voltage for which coefficients are suggested, in V.
+/// Battery voltage for which F is suggested, in V.
 const NOMINAL_VOLTS: f32 = 12.0;
 /// Suggested P of the velocity loop, as a share of F.
 const P_SHARE: f32 = 0.25;
@@ -26,12 +26,12 @@ pub struct Coefficients {
 
 impl Coefficients {
     /// Suggests coefficients for a motor without configured coefficients. In REV's protocol hosts read the coefficients
-    /// of any motor, and change single coefficients. For such a motor the hub answers with the suggested coefficients.
+    /// of any motor, and change single coefficients. A host that reads the coefficients of a motor without any gets the
+    /// suggested coefficients.
     ///
     /// F of the velocity loop gives the voltage that balances the back EMF of the target speed, on a battery of 12 V.
-    /// P is 25 % of F, and I is 10 % per cycle of 50 ms. Decision 34 has the pairs that were tried: this was the only
-    /// one with which all 144 positions of a test were held. The position loop has only P, which is 2 counts/s per
-    /// count.
+    /// Of all pairs of P and I that were tried, only P of 25 % and I of 10 % of F held all 144 positions of a test
+    /// (decision 34). The position loop has only P.
     pub fn suggested(emf: EmfConstant) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let [p, i, f] = [P_SHARE * f, I_SHARE * f, f].map(coefficient);
