@@ -2,9 +2,9 @@
 //! other hubs in turn which motors are enabled. These requests also reset the keep-alive of a hub, so that its motors
 //! stay enabled.
 //!
-//! A child that does not answer counts as lost. Once a second one of the lost hubs is asked to disable its motors, with a
-//! short time-out, so that it hardly delays the other hubs. If the lost hub was shown, the parent is shown instead. If
-//! the parent does not answer, no hub can be reached.
+//! A child that does not answer counts as lost. Once a second one of the lost hubs is asked to disable its motors, with
+//! a short time-out, so that it hardly delays the other hubs. If the lost hub was shown, the parent is shown instead.
+//! If the parent does not answer, no hub can be reached.
 
 use crate::relay::REQUEST_TIMEOUT;
 use motor_hub::protocol::{Address, CHANNELS};
@@ -13,11 +13,11 @@ use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use std::time::Duration;
 
-/// Largest number of hubs that are shown.
+/// Largest number of hubs of a chain; further hubs on the line are ignored.
 const MAX_HUBS: usize = 4;
 
-/// Number of frames between two requests for what changes slowly: other hubs, the progress of an identification, the result
-/// of a save. There are 50 frames in a second, so each of three other hubs is asked every 0.3 s.
+/// Number of frames between two requests to another hub. The progress of an identification and the result of a save are
+/// also asked for at this interval. There are 50 frames in a second, so each of three other hubs is asked every 0.3 s.
 pub(crate) const FRAMES_PER_QUERY: u64 = 5;
 
 /// Number of frames between two requests to a lost hub: a second.
@@ -64,13 +64,13 @@ impl Chain {
         self.hubs.first().is_none_or(|hub| hub.shown)
     }
 
-    /// True if, at the last request to another hub, a motor of that hub was enabled.
+    /// True if a hub that is not shown had an enabled motor when it was last asked.
     pub(crate) fn others_run(&self) -> bool {
         self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
     }
 
-    /// Notes that a hub does not answer. If the hub was shown, the session continues with the first hub. False if no
-    /// child has this address: without the first hub no other hub can be reached.
+    /// Notes that a hub does not answer. If the hub was shown, the session continues with the first hub. Returns
+    /// false if no child has this address. If it is the address of the first hub, no hub can be reached.
     pub(crate) fn lose(&mut self, session: &mut Session, address: u8) -> bool {
         let Some((first, children)) = self.hubs.split_first_mut() else { return false };
         let child = children.iter_mut().find(|hub| hub.address == address);
@@ -79,7 +79,7 @@ impl Chain {
             session.select_hub(parent);
             first.shown = true;
         }
-        // The silent hub gets only requests to disable its motors. If it does not hear them, its keep-alive disables them.
+        // A lost hub is only asked to disable its motors. If it gets no request, its keep-alive disables the motors.
         *child = HubOfChain { address, shown: false, running: Vec::new(), fault: false, lost: true };
         true
     }
@@ -120,7 +120,8 @@ impl Chain {
         }
     }
 
-    /// In every fifth frame, asks one of the other hubs which motors are enabled and whether one of them has a fault.
+    /// In every fifth frame, asks one hub that is neither shown nor lost which motors are enabled, and whether one of
+    /// them has a fault.
     ///
     /// # Errors
     /// The line fails, or the other hub does not answer.
@@ -133,8 +134,8 @@ impl Chain {
         Ok(())
     }
 
-    /// In every fiftieth frame, sends one of the lost hubs a request to disable its motors. Returns the address of a hub
-    /// that answers, which is no longer lost.
+    /// In every fiftieth frame, sends one of the lost hubs a request to disable its motors. Returns the address of a
+    /// hub that answers, which is no longer lost.
     ///
     /// # Errors
     /// The line fails.
@@ -178,10 +179,10 @@ impl Chain {
         Some((hub, answer))
     }
 
-    /// Disables the motors of all hubs that are not lost.
+    /// Disables the motors of all hubs, and waits until the hubs that are not lost have confirmed.
     ///
     /// # Errors
-    /// [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
+    /// The first error, such as [`Error::Silent`] for a hub that does not confirm. All other hubs are asked nevertheless.
     pub(crate) fn stop(&mut self, session: &mut Session) -> Result<(), Error> {
         if self.hubs.len() < 2 {
             return session.fail_safe();
