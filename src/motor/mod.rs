@@ -15,7 +15,7 @@
 //! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
 //! * *Request*: the command that a set-point asks for, before limits. A fault replaces the set-point first.
 //! * *Command*: the request, the request within all limits, and what the bridge executes.
-//! * *Direct set-point*: a set-point that needs no encoder. The bridge is commanded between two ticks.
+//! * *Direct set-point*: a set-point that needs no encoder. It commands the bridge without waiting for the next tick.
 //! * *Burn pulses*: braking that returns no energy to the bus (see `burn_pulses`).
 //!
 //! ```
@@ -108,7 +108,7 @@ pub struct Motor {
     setpoint: Setpoint,
     /// True if set-point or settings have changed since a request was last computed.
     changed: bool,
-    /// Counts at the last tick with a fresh reading.
+    /// Position at the last tick with a fresh reading, in counts.
     position: i32,
     regulator: Regulator,
     state: MotorState,
@@ -263,7 +263,7 @@ impl Motor {
     /// tick, or between ticks with a direct set-point. A back EMF constant that was lowered because the speed hunted
     /// stays in force if the new settings have the same back EMF constant and the same dynamics as the old settings.
     pub fn configure(&mut self, settings: Settings) {
-        // New dynamics belong to the temperatures by the new thermal limit.
+        // The temperatures to which new dynamics belong are computed with the new thermal limit.
         self.follow_temperatures(settings.thermal);
         self.configured.configure(&settings);
         let settings = self.configured.in_force(&settings);
@@ -334,8 +334,8 @@ impl Motor {
         }
     }
 
-    /// Ends an examination of the encoder: a release, in which the bridge brakes, or a probe, in which the motor is
-    /// driven in the other direction once. Returns true if there was an examination, or if the motor is stalled.
+    /// Ends an examination of the encoder. Returns true if the motor may press against a stop, see
+    /// [`EncoderCheck::end_examination`].
     const fn end_examination(&mut self) -> bool {
         match &mut self.state {
             MotorState::Regulated(check) => check.end_examination(&mut self.last_motion),
@@ -351,7 +351,7 @@ impl Motor {
         }
     }
 
-    /// Counts at the last tick with a fresh reading.
+    /// Position at the last tick with a fresh reading, in counts.
     pub(crate) const fn position(&self) -> i32 {
         self.position
     }
@@ -506,7 +506,7 @@ impl Motor {
             self.last_motion.forget();
         } else if !setpoint.is_regulated() {
             self.end_examination();
-            // With `ZeroPower::Float` the check is not stepped at speed 0.
+            // The motor should stand. With `ZeroPower::Float` the check is not stepped then, and cannot end the stall.
             if self.setpoint == Setpoint::Velocity(CountsPerSecond::ZERO)
                 && let MotorState::Regulated(check) = &mut self.state
             {
@@ -646,7 +646,7 @@ impl Motor {
             command.bridge.voltage = self.after_change(command.bridge);
         }
         let Request { target, control, .. } = command.request;
-        // A constant current requests a voltage. A motor that brakes in its place, at a fault, has a control value.
+        // The request of a constant current is a voltage. At a fault the motor may brake instead, by a control value.
         let is_current = control.is_none() && matches!(self.setpoint, Setpoint::Current { .. });
         let uses_speed = target.is_some() || is_current;
         self.regulator.drive((!open).then_some(command.bridge), uses_speed);
