@@ -46,8 +46,8 @@ const PULSE_MICROS: f32 = 1_500.0;
 /// back EMF falls. A motor must stay in its short circuit if another motor ends a short circuit first, if the draw of
 /// the supply is limited, or if the back EMF is near the battery voltage.
 const LARGEST_SURPLUS: f32 = 4.0;
-/// Share of the largest surplus from which on the surplus counts as at its limit. The limit may rise a little with the
-/// back EMF.
+/// Share of the largest surplus from which on the surplus counts as at its limit. The limit rises with the back EMF,
+/// and the surplus may follow a little later.
 const AT_LIMIT_SHARE: f32 = 0.95;
 
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
@@ -56,9 +56,9 @@ const AT_LIMIT_SHARE: f32 = 0.95;
 const LEAST_FORWARD_SHARE: f32 = 0.1;
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
 ///
-/// A back EMF constant that is configured too low by 23 % or more puts the forward pulse below the real back EMF, because
-/// 1.3 times 0.77 is 1. The pulse then draws nothing from the bus. A simulated NeveRest 60 at a back EMF of 8 V returned
-/// no energy on balance with 30 % too little, and 0.02 W with 40 % too little.
+/// A back EMF constant that is configured too low by 23 % or more puts the forward pulse below the real back EMF,
+/// because 1.3 times 0.77 is 1. The pulse then draws nothing from the bus. A simulated NeveRest 60 at a back EMF of 8 V
+/// returned no energy on balance with 30 % too little, and 0.02 W with 40 % too little.
 const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// A kind of pulse.
@@ -173,8 +173,8 @@ impl BurnPulses {
         (self.requested_volts, self.emf_volts, self.pulse) = (requested_volts, emf_volts, Some(pulse));
     }
 
-    /// True if the surplus is at its upper limit. The motor then must stay in its short circuit, and the mean voltage of
-    /// the motor is no longer the requested voltage.
+    /// True if the surplus is at its upper limit. The motor then must stay in its short circuit, and the mean voltage
+    /// of the motor is no longer the requested voltage.
     fn stays_short(&self) -> bool {
         let is_at_limit = self.surplus_volt_us >= AT_LIMIT_SHARE * largest_surplus_volt_us(self.emf_volts);
         self.pulse == Some(Pulse::Short) && is_at_limit
