@@ -52,8 +52,8 @@ const STALLED_MS: u32 = 100;
 /// Least age of the last edge, in us, at which a stop may block a motor. Samples without a count then do not update the
 /// gain, if counts are due at the requested speed or [`UNCERTAIN_COUNTS`] are missing.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
-/// Counts that must be missing since the last edge at a requested speed below [`COUNTS_DUE_SPEED`], so that a stop may
-/// block the motor.
+/// Missing counts since the last edge from which on a stop may block a motor, at a requested speed below
+/// [`COUNTS_DUE_SPEED`].
 const UNCERTAIN_COUNTS: f32 = 8.0;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
@@ -64,7 +64,7 @@ const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::new(40);
 /// heavier than configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
 
-/// Factor by which a half swing of a speed that swings raises the acceleration per volt in use: see `swings.rs`.
+/// Factor by which the acceleration per volt in use is raised at each half swing that shows a swing, see `swings.rs`.
 const GAIN_STEP: f32 = 1.4;
 /// Largest ratio of the raised acceleration per volt to the value before. Five factors of [`GAIN_STEP`] reach this
 /// ratio.
@@ -234,7 +234,7 @@ impl Regulator {
         self.law.set_friction_speed(if self.volts.is_some() { self.observer.speed() } else { 0.0 });
     }
 
-    /// Passes the present voltage across the motor to the observer. Must be called for new constants.
+    /// Passes the present voltage across the motor to the observer. Must be called after the constants have changed.
     fn pass_voltage(&mut self) {
         self.observer.set_voltage(&self.plant, self.volts, self.observer.emf_share());
     }
@@ -256,7 +256,8 @@ impl Regulator {
     pub fn transition(&mut self, transition: Transition) {
         let leaves_stop = transition == Transition::FromStop || self.stalled_ms >= STALLED_MS;
         if matches!(transition, Transition::FromOpenLoop | Transition::FromBrake) {
-            // Without regulation the estimated load has come to include the friction of the present motion.
+            // In open loop or at a brake, friction is a part of the estimated load, in the direction of the present
+            // speed.
             self.law.set_friction_speed(self.observer.speed());
         }
         self.position_target = None;
@@ -296,7 +297,7 @@ impl Regulator {
         } else if let Some(correction) = self.observer.update(&self.plant, moved, should_stand)
             && let Some(estimate) = &mut self.gain_estimate
         {
-            // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
+            // Samples without a count do not show the gain while a motor may be held at rest, or blocked by a stop.
             let silence_us = reading.at.since(reading.edge_at);
             let missed_counts = self.requested.to_f32().abs() * silence_us as f32 * 1e-6;
             let uncertain = self.stalled_ms >= STALLED_MS
@@ -463,8 +464,8 @@ impl Regulator {
         self.stalled_ms >= STALLED_MS + period.as_millis()
     }
 
-    /// True if the bridge is closed, but the encoder has sent no count for 100 ms. Without regulation the estimated load
-    /// is then the counterforce of a stop, or there are no counts.
+    /// True if the bridge is closed, but the encoder has sent no count for 100 ms. Without regulation the estimated
+    /// load is then the counterforce of a stop, or there are no counts.
     pub fn is_blocked(&self) -> bool {
         let silent = |last: Reading| last.at.since(last.edge_at) >= 1_000 * u64::from(STALLED_MS);
         self.volts.is_some() && self.last.is_some_and(silent)
@@ -638,7 +639,7 @@ impl Regulator {
             (Start::Running, _) => None,
             (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
             (Start::Continue, Some(volts)) => Some(Voltage::from_volts(volts)),
-            // The current of this voltage balances the estimated load.
+            // The current of this voltage balances the estimated load. Without a present voltage, PID cannot keep it.
             (Start::Continue | Start::Resume, _) => {
                 Some(Voltage::from_volts(emf - self.external_acceleration() / self.plant.b))
             }
