@@ -18,9 +18,10 @@ use crate::units::single::at_most;
 use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
-/// Voltage whose acceleration brakes the motor before a target position, in V.
+/// Largest voltage whose acceleration brakes the motor before a target position, in V.
 const BRAKING_VOLTS: f32 = 5.5;
-/// Share of the largest voltage at standstill that brakes the motor before a target position.
+/// Share of the largest voltage at standstill that brakes the motor before a target position, if this share is lower
+/// than [`BRAKING_VOLTS`].
 const LIMITED_SHARE: f32 = 0.85;
 
 /// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop
@@ -47,8 +48,7 @@ pub(super) struct Loops {
     position: Pid,
     /// How the velocity loop begins.
     pub(super) start: Start,
-    /// Voltage by which the last request exceeded the motor's limits, in V, with the sign of a change of the request;
-    /// 0 within the limits.
+    /// Voltage of the last request less the voltage within the motor's limits, in V; 0 within the limits.
     pub(super) excess_volts: f32,
 }
 
@@ -69,7 +69,7 @@ pub(super) struct Inputs<'a> {
 
 impl Loops {
     /// Sets how the velocity loop begins at the next step, and resets the position loop. The excess of the last request
-    /// says nothing about the next.
+    /// is discarded.
     pub(super) const fn begin(&mut self, start: Start) {
         (self.start, self.excess_volts) = (start, 0.0);
         self.position.reset();
@@ -122,7 +122,8 @@ impl Loops {
     }
 
     /// Steps the position loop for a moving reference. Returns the target speed. Its difference from the speed of the
-    /// reference is limited, but not so that the motor can still brake: a lagging motor shall catch up.
+    /// reference is at most the speed limit. The limit does not shrink with the distance as in
+    /// [`approach`](Self::approach), so a lagging motor catches up.
     fn follow(&mut self, reference: &Reference, inputs: &Inputs<'_>, period: Period) -> CountsPerSecond {
         let distance = Value::saturating_from_num(reference.from(inputs.position));
         let limit = Value::from_bits(reference.speed_limit.to_bits());
