@@ -42,7 +42,8 @@ pub(super) enum Swing {
     Slow,
 }
 
-/// Limits of the detector. `docs/decisions/0030-a-speed-that-swings.md` has the figures behind the values.
+/// Limits of the detector. Of an error as a share and an error in counts/s the larger one is the limit.
+/// `docs/decisions/0030-a-speed-that-swings.md` has the figures behind the values.
 impl Swings {
     /// Least error of a demanded speed that counts as a swing, as a share of the speed that the motor should have.
     const LEAST_ERROR_SHARE: f32 = 0.008;
