@@ -91,8 +91,8 @@ use crate::units::Duty;
 use crate::units::single::{at_least, at_most};
 use libm::{expm1f, log1pf, roundf, sqrtf};
 
-/// Least share of the voltage a that remains at the end of a tick with a discontinuous current. For a smaller share the
-/// formula requests a current that is too large to be discontinuous. Chosen.
+/// Least ratio `a1 / a0` of the module's formula for a discontinuous current within a tick. For a smaller ratio the
+/// formula gives a current that is too large to be discontinuous. Chosen.
 const LEAST_REMAINING_SHARE: f32 = 0.02;
 
 /// Constants of a winding and its bridge, prepared for use at every tick.
@@ -127,7 +127,7 @@ impl LinearCurrent {
             diode_volts: f32::from(bridge.diode_mv()) / 1000.0,
             switch_share: at_most(ron / r2, 0.25),
             period: winding.inductance.and_then(|inductance| {
-                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, by L in uH times f in Hz.
+                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, divided by L in uH and f in Hz.
                 let frequency = bridge.pwm_hz() as f32;
                 PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
             }),
@@ -144,12 +144,12 @@ impl LinearCurrent {
         to_duty(self.nearest(self.ideal_duty(regime, at, w)))
     }
 
-    /// The duty of a regime for a mean current, given as the voltage `w`, in V, or the next lower duty that the bridge's
-    /// timing permits. The current is never larger.
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V, or the next lower duty that the
+    /// bridge's timing permits. The current is never larger.
     pub(super) fn duty_at_most(&self, regime: Regime, at: OperatingPoint, w: f32) -> Duty {
         let duty = self.ideal_duty(regime, at, w);
-        let least = if duty < 1.0 { at_most(duty, 1.0 - self.least_off) } else { duty };
-        to_duty(if least < self.least_on { 0.0 } else { least })
+        let lower = if duty < 1.0 { at_most(duty, 1.0 - self.least_off) } else { duty };
+        to_duty(if lower < self.least_on { 0.0 } else { lower })
     }
 
     /// The duty of a regime for a mean current, given as the voltage `w`, in V, with a bridge that permits any duty.
@@ -195,20 +195,20 @@ impl LinearCurrent {
     /// [`boundary`](Self::boundary): the formula is only correct if the current does not exceed the boundary.
     ///
     /// `change` is the change of the back EMF in V. `load` is the current that balances the load, as the voltage `w`:
-    /// negative if load and current act in the same direction. `ticks` is the length of the tick in mechanical time
+    /// negative if load and current act in the same direction. `n` is the length of the tick in mechanical time
     /// constants of the motor, above 0. `None` if no current of this regime is discontinuous, if a discontinuous
-    /// current cannot reach the back EMF, or if less than [`LEAST_REMAINING_SHARE`] of the voltage a would remain.
+    /// current cannot reach the back EMF, or if `a1 / a0` would be below [`LEAST_REMAINING_SHARE`].
     pub(super) fn discontinuous_to(
         &self,
         regime: Regime,
         at: OperatingPoint,
         change: f32,
         load: f32,
-        ticks: f32,
+        n: f32,
     ) -> Option<(f32, f32)> {
         let state = self.drive_state(regime, at);
         let rise = if regime == Regime::Forward { -change } else { change };
-        let current = state.discontinuous_to(rise, load, ticks)?;
+        let current = state.discontinuous_to(rise, load, n)?;
         let boundary = state.boundary(self.period?);
         (boundary > 0.0).then_some((current, boundary))
     }
@@ -347,12 +347,12 @@ impl DriveState {
 
     /// Computes the formula of [`LinearCurrent::discontinuous_to`]. `rise` is the change of `a` within the tick in V,
     /// negative if the current exceeds the load on average.
-    fn discontinuous_to(self, rise: f32, load: f32, ticks: f32) -> Option<f32> {
+    fn discontinuous_to(self, rise: f32, load: f32, n: f32) -> Option<f32> {
         let Self { a, c, .. } = self;
         let (a1, c1) = (a + rise, c - rise);
         let stays = c > 0.0 && c1 > 0.0 && a > 0.0 && a1 > LEAST_REMAINING_SHARE * a;
         stays.then(|| {
-            let accelerating = a / c * (rise - (a + c) * log1pf(rise / a)) / ticks;
+            let accelerating = a / c * (rise - (a + c) * log1pf(rise / a)) / n;
             accelerating + load * (a * c1) / (a1 * c)
         })
     }
