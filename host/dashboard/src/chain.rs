@@ -182,7 +182,8 @@ impl Chain {
     /// Disables the motors of all hubs, and waits until the hubs that are not lost have confirmed.
     ///
     /// # Errors
-    /// The first error, such as [`Error::Silent`] for a hub that does not confirm. All other hubs are asked nevertheless.
+    /// The first error, such as [`Error::Silent`] for a hub that does not confirm. The other hubs are asked
+    /// nevertheless.
     pub(crate) fn stop(&mut self, session: &mut Session) -> Result<(), Error> {
         if self.hubs.len() < 2 {
             return session.fail_safe();
