@@ -453,8 +453,8 @@ impl Values {
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
-            // Dynamics, acceleration limit and coefficients are deleted. The fields of the group replace the duty. Each
-            // field of the settings is named, so that a new field must be kept or deleted here.
+            // Dynamics, acceleration limit and coefficients are deleted. The duty rule is a field of this group, and is
+            // set below. Each field of the settings is named, so that a new field must be kept or deleted here.
             let Settings {
                 winding,
                 bridge,
