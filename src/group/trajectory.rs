@@ -34,8 +34,8 @@ use libm::{roundf, sqrtf};
 const STEPS_PER_COUNT: f32 = 65_536.0;
 /// Distance from the end, in steps, below which a trajectory is finished: 1/1024 count.
 const END_TOLERANCE_STEPS: i64 = 64;
-/// Least speed, in counts/s, at which motors approach their references if their first trajectory only stops them: the
-/// smallest usual lag in the time of a usual lag, see [`default_lag`](super::default_lag).
+/// Least speed, in counts/s, at which motors approach their references if their first trajectory only stops them: 24
+/// counts in 0.1 s, the smallest [`default_lag`](super::default_lag) in its time.
 const LEAST_FIRST_CPS: f32 = 240.0;
 
 /// Share of the acceleration a that the members would need to stop from their speed v at the new positions. Above this
