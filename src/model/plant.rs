@@ -424,13 +424,13 @@ impl Plant {
         flow
     }
 
-    /// Computes what windows need of motor, shaft and circuit.
+    /// Computes the longest window and the constants for a window of this length, after a change of motor or shaft.
     fn prepare_windows(&mut self) {
         self.longest_window = longest_window(&self.motor, &self.shaft, self.frequency);
         self.set_window(self.longest_window);
     }
 
-    /// Computes what depends on the length of a window.
+    /// Computes the constants for windows of this length, in s.
     fn set_window(&mut self, window: f64) {
         self.mechanics = Mechanics::new(&self.shaft, window);
         self.admittance = self.circuit.admittance(window);
@@ -444,7 +444,7 @@ impl Plant {
         let m = self.mechanics;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
         let load_torque = (self.load.torque_after.0 + input.torque_after.0) * self.shaft.torque_ratio;
-        // Behind a train the external torque acts on the load: the closure `motion_at` passes it on.
+        // With a train the external torque acts on the load, not on the motor: see `motion_at`.
         let external = if self.output.is_some() { 0.0 } else { load_torque };
         let torque = |mean_current: f64| kt * mean_current + external;
         let motion_at = |mean_current: f64, sticks: bool| match &self.output {
