@@ -65,7 +65,7 @@ pub(super) struct Expected {
     pub(super) driven_ms: u32,
 }
 
-/// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances the torque.
+/// Limits of friction and load of a 12 V motor. A torque is given as the voltage that balances the torque.
 impl Expected {
     /// Largest resisting torque of friction, in volts. The largest friction of a turning motor is assumed to be 40 % of
     /// 12 V. To break away the motor needs a third more, which is 6.4 V. The limit is 0.2 V higher.
