@@ -213,8 +213,8 @@ impl MotorChannel {
         if !self.enabled() || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);
         }
-        // The back EMF constant in force of a hot motor is lower than the configured constant. So the announced travel
-        // is the limit.
+        // A hot motor would compute a longer travel, because its back EMF constant in force is lower. So the announced
+        // travel becomes the limit.
         let announced = travel(self.settings.motor.winding.emf, battery, travel_limit);
         self.start(Setpoint::Identify { travel_limit: announced });
         Ok(announced)
