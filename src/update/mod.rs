@@ -67,7 +67,7 @@ pub const ROLLBACK_VERSION_AT: u32 = 0x20;
 /// Length of each chunk except the last, in bytes: a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
-/// The active slot, which is the part of the flash that images are linked for and run from, and what an image must fit.
+/// The active slot: the part of the flash that images are linked for and run from. An image must fit the active slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
     /// First address of the active slot.
@@ -173,7 +173,7 @@ pub enum Outcome {
 /// A request to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UpdateRequest {
-    /// Write a chunk to the download slot. If the chunk contains the first byte of a flash page, erase the page before.
+    /// Write a chunk to the download slot. If the chunk contains the first byte of a flash page, erase this page first.
     Write {
         /// Distance of the chunk from the beginning of the image, in bytes.
         offset: u32,
