@@ -9,8 +9,8 @@
 //!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
 //! ```
 //!
-//! * A *control value* is a number from -32767 to 32767. The output of a PID loop is a
-//!   control value. A motor's report also gives the command as a control value.
+//! * A *control value* is a number from -32767 to 32767. The output of a PID loop is a control value. A motor's report
+//!   also gives the command as a control value.
 //! * A [`Scheme`] maps control values to voltages. The scheme's [`Points`] are the control values of the voltages S, T,
 //!   Z and G.
 //! * The [`Location`] of a control value is its regime, and the fraction of the regime. A [`DutyRule`] maps the
@@ -219,22 +219,21 @@ impl Modulator {
     /// returns the largest magnitude of such a voltage in V: with a larger result the current is continuous.
     ///
     /// `emf_change` is the change of the back EMF, and `load` the voltage beyond the back EMF that balances the load.
-    /// Both are in V, and positive for CW. `ticks` is the length of the tick in mechanical time constants of the motor.
+    /// Both are in V, and positive for CW. `n` is the length of the tick in mechanical time constants of the motor.
     /// `None` if no current is discontinuous, or if no discontinuous current reaches the back EMF.
     pub fn discontinuous_to(
         &self,
         at: OperatingPoint,
         emf_change: f32,
         load: f32,
-        ticks: f32,
+        n: f32,
     ) -> Option<(f32, f32)> {
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let (change, load) = (side * emf_change, side * load);
         let (emf, _) = at.volts();
-        let (regime, _) = points::current(emf + change / ticks + load, at);
+        let (regime, _) = points::current(emf + change / n + load, at);
         let direction = if regime == Regime::Forward { 1.0 } else { -1.0 };
-        let (current, boundary) =
-            self.current.discontinuous_to(regime, at, change, direction * load, ticks)?;
+        let (current, boundary) = self.current.discontinuous_to(regime, at, change, direction * load, n)?;
         Some((side * direction * current, boundary))
     }
 

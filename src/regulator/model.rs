@@ -242,9 +242,9 @@ impl Law {
         let change = next - observer.speed();
         let load_volts = (plant.drag * change - observer.external_acceleration(plant)) / plant.b;
         let emf_change = plant.kappa * change;
-        let ticks = plant.b * plant.kappa * period.to_seconds();
-        let Some((beyond_emf, boundary)) = modulator.discontinuous_to(at, emf_change, load_volts, ticks)
-        else {
+        // Length of the tick in mechanical time constants of the motor.
+        let n = plant.b * plant.kappa * period.to_seconds();
+        let Some((beyond_emf, boundary)) = modulator.discontinuous_to(at, emf_change, load_volts, n) else {
             return continuous;
         };
         let discontinuous = plant.kappa * observer.speed() + beyond_emf;
@@ -298,7 +298,7 @@ struct Profile {
     deceleration: f32,
     /// Largest speed in counts/s.
     limit: f32,
-    /// Share of the speed's error that remains after a tick, and that changes the distance of the tick.
+    /// Share of the speed's error that remains after a tick, for the distance of this tick; 0 to neglect the error.
     remaining: f32,
     period: Period,
 }
