@@ -142,12 +142,12 @@ impl UnboundedControl {
         Self(I56F8::from_bits(bits))
     }
 
-    /// The abscissa of a control value.
+    /// Converts a control value.
     pub const fn of(control: Control) -> Self {
         Self::from_computed_bits((control.get() as i64) << 8)
     }
 
-    /// The abscissa in 1/256 control steps.
+    /// The value in 1/256 control steps.
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
     }
@@ -268,7 +268,7 @@ impl Fraction {
     }
 }
 
-/// The abscissas of the four points for clockwise motion.
+/// The control values of the four points for clockwise motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
     /// S, the end of reverse driving: reverse 100 %.
