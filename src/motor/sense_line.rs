@@ -36,8 +36,8 @@ pub enum SenseLine {
     Excessive,
 }
 
-/// Samples in a row, of those in 5/0 or of those in 9/8 and 6/2, that must contradict the condition of a line before
-/// the condition changes.
+/// Number of successive samples that must contradict the condition of a line before the condition changes. Samples in
+/// 5/0 are counted apart from samples in 9/8 and 6/2.
 const CONFIRMATIONS: u8 = 4;
 
 /// A line that shows less than this current, in mA, shows no current. The value is above a converter's offset, and
