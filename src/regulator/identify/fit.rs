@@ -8,8 +8,8 @@ use libm::sqrtf;
 
 /// Largest number of unknowns.
 pub(super) const UNKNOWNS: usize = 5;
-/// Least diagonal element of the triangle with which its unknown can be solved. The element is the part of the
-/// unknown's weights in all rows that the unknowns before do not explain.
+/// Least diagonal element of the triangle with which its unknown can be solved. With a smaller element, the weights of
+/// this unknown are nearly a combination of the weights of the unknowns before.
 const LEAST_PIVOT: f32 = 1e-4;
 
 /// Number of elements of the triangle, with the right sides.

@@ -1,4 +1,6 @@
-//! Fits the motor's equation to the changes from segment to segment, and decides whether the result can be used.
+//! Fits the motor's equation to the changes from segment to segment, and decides whether the result can be used. Each
+//! change is a *row* of the fit: one equation for the unknowns. The *innovation* of a row is its error with the
+//! unknowns of the earlier rows.
 
 use super::super::Dynamics;
 use super::fit::{Fit, Solution, UNKNOWNS};
