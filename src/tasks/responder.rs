@@ -176,7 +176,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         loop {
             let command = self.poll();
             let refresh = Instant::now() + REFRESH;
-            let chain = self.responder.chain.as_ref().filter(|_| may_ask_on_chain(self.wires));
+            let chain = self.responder.chain.as_ref().filter(|_| may_send_on_chain(self.wires));
             let deadlines = [self.responder.deadline(), chain.and_then(|chain| chain.deadline())];
             let due = deadlines.into_iter().flatten().map(instant).fold(refresh, Instant::min);
             let send = async {
@@ -295,27 +295,27 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
     }
 }
 
-/// Passes events of the chain line to the responder, and sends the next question when the line is free.
+/// Passes events of the chain line to the responder, and sends the next packet when the line is free.
 fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Responder<N>, wires: &Wires<M, N>) {
     if wires.chain_sent.try_take().is_some() {
         note_sent_on_chain(responder);
     }
     let Some(chain) = &mut responder.chain else { return };
-    if !may_ask_on_chain(wires) {
+    if !may_send_on_chain(wires) {
         return;
     }
     if wires.chain_bytes.try_take().is_some() {
         chain.note_bytes();
     }
-    if let Some(question) = chain.next(now) {
-        let _ = wires.chain_send.try_send(question);
+    if let Some(packet) = chain.next(now) {
+        let _ = wires.chain_send.try_send(packet);
     }
 }
 
-/// True if the chain may send its next question: no answer waits to be processed, and the channel to the line has room.
+/// True if the chain may send its next packet: no answer waits to be processed, and the channel to the line has room.
 /// An answer that has arrived must be processed before `Chain::next` checks its time-out. Until then a time-out that
 /// has passed must not wake the task, because the task would wake without end.
-fn may_ask_on_chain<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> bool {
+fn may_send_on_chain<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> bool {
     wires.chain_received.is_empty() && !wires.chain_send.is_full()
 }
 
