@@ -92,16 +92,18 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     }
 }
 
-/// Waits for the signal `control_wake` or for the time `due` of the next tick. Returns true if the signal came first. Capture
-/// signals `control_wake` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
+/// Waits for the signal `control_wake` or for the time `due` of the next tick. Returns true if the signal came first.
+/// Capture signals `control_wake` at each encoder sample, and supply at the first plausible sample of the bus after an
+/// alarm.
 ///
-/// The function does what `select(wires.control_wake.wait(), Timer::at(due))` does, but asks the time driver only
-/// when a wait begins for a tick, and when the tick is due. The time driver keeps one wake-up time for each task in a queue. Each poll of a timer searches the whole queue.
-/// A plain `select` would poll the timer at each signal, which comes every millisecond. With a plain `select` the hub
-/// needs 2.09 % of an F429 for unknown motors and 2.15 % for PID at 50 ms, and so exceeds its limit of 2 %
-/// (`the_whole_hub_needs_little_of_the_core`).
+/// The function does what `select(wires.control_wake.wait(), Timer::at(due))` does, but asks the time driver only when
+/// a wait begins for a tick, and when the tick is due. The time driver keeps one wake-up time for each task in a queue.
+/// Each poll of a timer searches the whole queue. A plain `select` would poll the timer at each signal, which comes
+/// every millisecond. With a plain `select` the hub needs 2.09 % of an F429 for unknown motors and 2.15 % for PID at 50
+/// ms, and so exceeds its limit of 2 % (`the_whole_hub_needs_little_of_the_core`).
 ///
-/// * `timer_is_registered` is true once the queue has the time `due`. The queue keeps this time when the timer is dropped.
+/// * `timer_is_registered` is true once the queue has the time `due`. The queue keeps this time when the timer is
+///   dropped.
 /// * While `timer_is_registered` is true, the function only compares the clock with `due`.
 /// * A board may poll other futures in the same task. Their timers may replace the wake-up time in the queue. One of
 ///   these futures must then wake the task every millisecond, as [`super::capture::run`] does. The function then sees

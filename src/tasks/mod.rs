@@ -104,8 +104,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Number of the newest command that has entered `commands`; 0 before the first command. The lock is held while a
     /// command enters, so that commands have their numbers in the order of the queue.
     newest_command: Mutex<M, Cell<u32>>,
-    /// Set with each direct command: control must apply the waiting commands the next time that `control_wake` wakes control. A
-    /// tick applies them too, but does not clear the flag.
+    /// Set with each direct command: control must apply the waiting commands the next time that `control_wake` wakes
+    /// control. A tick applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
     /// Commands to the bridges, from control to output. After three control periods without new commands all bridges
     /// coast.
