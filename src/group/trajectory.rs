@@ -7,8 +7,8 @@
 //!     reference[i] = base[i] + (share[i] - start_offset[i]) * progress / length - drift[i]
 //! ```
 //!
-//! * The *base* is the position at progress 0, after the drift. The *start offset* is the signed distance from the
-//!   nearest whole count to the base.
+//! * The *base* is the position at progress 0 once the drift has ended. The *start offset* is the signed distance from
+//!   the nearest whole count to the base.
 //! * A *share* is the signed distance that a member moves along the whole trajectory. A motor that is not a member has
 //!   the share 0. `length` is the magnitude of the largest share. In a trajectory without end the shares are the speeds
 //!   in 1/256 counts/s: only their ratios matter.
