@@ -167,8 +167,8 @@ impl Bench {
         panic!("the emulator stopped")
     }
 
-    /// Runs a function on the emulator's thread at the present virtual time, and returns meanwhile. The result will be in the
-    /// channel.
+    /// Runs a function on the emulator's thread at the present virtual time, and does not wait for its end. The channel
+    /// will have the result.
     fn post<T: Send + 'static>(
         &mut self,
         task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,

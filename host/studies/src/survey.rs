@@ -159,7 +159,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// The verdict for a configuration; `None` for one of the long sweep.
+    /// The verdict for a configuration; `None` for a configuration of the long sweep.
     pub fn verdict(&self, knowledge: Knowledge) -> Option<&Verdict> {
         self.verdicts.get(Knowledge::ALL.iter().position(|other| *other == knowledge)?)
     }
