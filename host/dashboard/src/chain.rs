@@ -69,8 +69,8 @@ impl Chain {
         self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
     }
 
-    /// Notes that a hub does not answer. If the hub was shown, the session continues with the first hub. Returns
-    /// false if no child has this address. If it is the address of the first hub, no hub can be reached.
+    /// Notes that a hub does not answer. If the hub was shown, the session continues with the first hub. Returns false
+    /// if no child has this address. If the first hub has this address, no hub can be reached.
     pub(crate) fn lose(&mut self, session: &mut Session, address: u8) -> bool {
         let Some((first, children)) = self.hubs.split_first_mut() else { return false };
         let child = children.iter_mut().find(|hub| hub.address == address);
