@@ -294,7 +294,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
-    // The first step reaches back to the last motion, which may be longer ago than a tick.
+    // The first step reaches back to the last motion, by a period and `QUIET_US` at most.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),

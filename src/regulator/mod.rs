@@ -256,8 +256,7 @@ impl Regulator {
     pub fn transition(&mut self, transition: Transition) {
         let leaves_stop = transition == Transition::FromStop || self.stalled_ms >= STALLED_MS;
         if matches!(transition, Transition::FromOpenLoop | Transition::FromBrake) {
-            // In open loop or at a brake, friction is a part of the estimated load, in the direction of the present
-            // speed.
+            // Without regulation the estimated load includes the friction of the present motion.
             self.law.set_friction_speed(self.observer.speed());
         }
         self.position_target = None;
