@@ -257,6 +257,70 @@ fn a_motor_that_held_a_load_before_it_was_disabled_starts_as_fast_in_both_direct
 }
 
 #[test]
+fn a_motor_that_meets_a_stop_while_it_brakes_to_speed_0_does_not_press_against_the_stop() {
+    for (period_ms, cps) in [1, 10, 50, 100].into_iter().flat_map(|ms| [500, -2_300].map(|cps| (ms, cps))) {
+        for counts in (2..200).step_by(12) {
+            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 300, period_ms);
+            bench.set(0, velocity(cps));
+            bench.run_ms(1_500);
+            bench.set(0, velocity(0));
+            let (stop, counts) = (bench.counts(0), f64::from(counts));
+            bench.axes[0].stops =
+                if cps > 0 { (f64::NEG_INFINITY, stop + counts) } else { (stop - counts, f64::INFINITY) };
+            bench.run_ms(2_000);
+            let volts = bench.report().voltage.to_volts();
+            assert!(
+                volts.abs() < 2.0,
+                "{volts} V at a stop {counts} counts ahead, {period_ms} ms, {cps} counts/s"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_motor_whose_encoder_is_lost_while_it_brakes_to_speed_0_turns_on_slowly_at_most() {
+    for period_ms in [1, 10, 50] {
+        for unplugged_ms in (0..=150).step_by(10) {
+            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 300, period_ms);
+            bench.set(0, velocity(2_300));
+            bench.run_ms(1_500);
+            bench.set(0, velocity(0));
+            bench.run_ms(unplugged_ms);
+            bench.axes[0].cable = Cable::Unplugged;
+            bench.run_ms(3_000);
+            let speed = bench.speed(0);
+            assert!(
+                speed.abs() < 500.0,
+                "{speed:.0} counts/s, unplugged after {unplugged_ms} ms, {period_ms} ms"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_load_that_begins_while_a_motor_brakes_to_speed_0_turns_it_back_by_little() {
+    // 3 % of a turn of the output shaft.
+    let most_counts = 0.03 * neverest_60().counts_per_rev_output();
+    for period_ms in [1, 10, 50, 100] {
+        for begins_ms in (0..=240).step_by(20) {
+            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 0, period_ms);
+            bench.set(0, velocity(1_200));
+            bench.run_ms(1_500);
+            bench.set(0, velocity(0));
+            bench.run_ms(begins_ms);
+            bench.axes[0].torque = -0.2 * stall_torque(&neverest_60());
+            let (mut farthest, mut back) = (f64::NEG_INFINITY, 0.0f64);
+            for _ in 0..2_000 {
+                bench.run_ms(1);
+                farthest = farthest.max(bench.counts(0));
+                back = back.max(farthest - bench.counts(0));
+            }
+            assert!(back < most_counts, "{back:.1} counts back, a load after {begins_ms} ms, {period_ms} ms");
+        }
+    }
+}
+
+#[test]
 fn dynamics_with_friction_that_are_configured_while_the_motor_turns_change_the_voltage_by_little() {
     let mut bench = with_friction(motor("AM 60 A"), Load::NONE, 2_000, 10);
     let dynamics = bench.settings[0].dynamics;

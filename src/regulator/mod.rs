@@ -39,7 +39,7 @@ use gain::{GainEstimate, guessed_gain};
 use hunting::Hunting;
 use loops::{Loops, Start};
 use model::Law;
-use observer::{FASTEST_CPS, Observer, Plant};
+use observer::{FASTEST_CPS, LoadLimit, Observer, Plant};
 use stream::Stream;
 use swings::{Swing, Swings};
 
@@ -143,6 +143,8 @@ pub struct Regulator {
     requested: CountsPerSecond,
     /// Voltage across the motor in V; `None` while the bridge is open.
     volts: Option<f32>,
+    /// Limit of the load when the motor comes to rest at the demanded speed 0: the load at the last [`Transition`].
+    load_limit: LoadLimit,
 }
 
 impl Regulator {
@@ -167,6 +169,7 @@ impl Regulator {
             uses_speed: false,
             requested: CountsPerSecond::ZERO,
             volts: None,
+            load_limit: LoadLimit::default(),
         }
     }
 
@@ -265,6 +268,7 @@ impl Regulator {
             self.forget_load();
             self.discard_untrusted();
         }
+        self.load_limit = self.observer.load_limit();
         self.loops.begin(match transition {
             Transition::OpenBridge => Start::Resume,
             _ if leaves_stop => Start::ZeroCurrent,
@@ -517,7 +521,7 @@ impl Regulator {
     // The emulated board's budget test finds this function by its symbol, and counts its instructions.
     #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
-        let demand = self.hold_at_standstill(demand, context.period);
+        let demand = self.hold_at_standstill(demand, context);
         self.position_target = match demand {
             Demand::Position { target, .. } => Some(target),
             Demand::Velocity(_) | Demand::Follow(_) => None,
@@ -647,7 +651,11 @@ impl Regulator {
 
     /// Returns the demand of this tick. The position at which the motor came to rest replaces a demanded speed of 0.
     /// The position of a reference that stands still replaces the reference. Any other demand is unchanged.
-    fn hold_at_standstill(&self, demand: Demand, period: Period) -> Demand {
+    ///
+    /// Limits the load of a motor that comes to rest at the demanded speed 0. While the motor brakes, a hard stop and a lost
+    /// encoder look like a load against the motion, and the motor would press against this load until its next set-point.
+    /// A running PID loop does not use the load.
+    fn hold_at_standstill(&mut self, demand: Demand, context: &Context<'_>) -> Demand {
         let target = match demand {
             Demand::Velocity(target) => target,
             Demand::Follow(reference) if reference.is_still() => {
@@ -659,10 +667,13 @@ impl Regulator {
         if target != CountsPerSecond::ZERO {
             return demand;
         }
-        let counts = self.velocity().to_f32().abs() * period.as_millis().max(20) as f32 / 1000.0;
+        let counts = self.velocity().to_f32().abs() * context.period.as_millis().max(20) as f32 / 1000.0;
         match self.position_target {
             Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },
             None if counts < 1.0 => {
+                if context.settings.coefficients.is_none() {
+                    self.observer.limit_load(self.load_limit);
+                }
                 Demand::Position { target: self.position(), speed_limit: CountsPerSecond::MAX }
             }
             None => demand,

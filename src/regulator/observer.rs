@@ -203,6 +203,15 @@ impl Sensitivity {
     }
 }
 
+/// Limit of loads against a motion: `load` if it acts against the motion, otherwise 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LoadLimit {
+    /// Speed of the motion, in counts/s.
+    speed: f32,
+    /// Load during the motion, in counts/s².
+    load: f32,
+}
+
 /// The estimate of a motor's motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
@@ -417,6 +426,21 @@ impl Observer {
     /// Sets the load to 0, because the motor no longer presses against its stop.
     pub(super) fn forget_load(&mut self) {
         self.d = 0.0;
+    }
+
+    /// The present load as a limit of later loads against the present motion.
+    pub(super) const fn load_limit(&self) -> LoadLimit {
+        LoadLimit { speed: self.w, load: self.d }
+    }
+
+    /// Limits a load against the motion of `limit`. A load in the direction of this motion stays.
+    pub(super) const fn limit_load(&mut self, limit: LoadLimit) {
+        let LoadLimit { speed, load } = limit;
+        self.d = if speed > 0.0 {
+            at_least(self.d, at_most(load, 0.0))
+        } else {
+            at_most(self.d, at_least(load, 0.0))
+        };
     }
 
     /// Changes the load by this much, in counts/s², as friction does when the motion reverses.
