@@ -358,7 +358,8 @@ impl<const N: usize> Hub<N> {
         }
         self.tick = self.tick.wrapping_add(1);
         self.step_base(now, readings);
-        self.groups.step(now, readings, self.period, self.base.as_ref(), &mut self.motors);
+        let has_battery = battery.is_some();
+        self.groups.step(now, readings, has_battery, self.period, self.base.as_ref(), &mut self.motors);
         let mut motors = [Report::INITIAL; N];
         for ((motor, &reading), report) in self.motors.iter_mut().zip(readings).zip(&mut motors) {
             *report = motor.step(now, reading, battery);

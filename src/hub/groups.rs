@@ -7,8 +7,8 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *ready* if its encoder reading is fresh, and if it has no latched fault. A group that started with a
-//! member at fault would drive its other members for a tick, until the member is lost.
+//! A member is *ready* if its encoder reading and the battery voltage are fresh, and if it has no latched fault. A group
+//! that started with a member at fault would drive its other members for a tick, until the member is lost.
 //!
 //! A member of a moving group is *lost* when it has a fault, gets a set-point of its own, which may be disabled or
 //! fail-safe, or joins another group. The other members are disabled (they coast) if the lost member was disabled or
@@ -151,12 +151,13 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members are all ready. Sets the set-points of all members of moving groups for
-    /// this tick. Groups are computed in corrected positions: the corrections by the gyro are subtracted from the
+    /// this tick. `has_battery` is true if the battery voltage is fresh. Groups are computed in corrected positions: the corrections by the gyro are subtracted from the
     /// encoder positions, and added to the set-points.
     pub(super) fn step(
         &mut self,
         now: Micros,
         readings: &[Option<Reading>; N],
+        has_battery: bool,
         period: Period,
         base: Option<&Base>,
         motors: &mut [Motor; N],
@@ -172,10 +173,10 @@ impl<const N: usize> Groups<N> {
         for state in self.states.iter_mut().flatten() {
             if let ActiveGroup::Waiting(command) = state {
                 let members = for_motors(command.course.members(), false);
-                let may_start = members.iter().zip(&fresh).zip(&*motors).all(|((member, reading), motor)| {
-                    !member || reading.is_some() && !motor.has_latched_fault()
+                let ready = members.iter().zip(&fresh).zip(&*motors).all(|((member, reading), motor)| {
+                    !member || reading.is_some() && has_battery && !motor.has_latched_fault()
                 });
-                if may_start {
+                if ready {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
                     let positions = minus(&positions, &corrections_of(base, &members));
                     let group = Group::new(*command, positions, speeds, period);

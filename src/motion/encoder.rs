@@ -27,6 +27,13 @@ pub struct Reading {
     pub at: Micros,
 }
 
+impl Reading {
+    /// Time from the last edge to the sample, in µs.
+    pub const fn since_edge_us(self) -> u64 {
+        self.at.since(self.edge_at)
+    }
+}
+
 /// Unwraps one 16-bit counter.
 ///
 /// The counter must be sampled again before 32 768 counts have come. A sample each millisecond allows 32 million

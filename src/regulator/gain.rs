@@ -30,17 +30,17 @@ const SHORTEST_TIME_CONSTANT_S: f32 = 0.01;
 const LONGEST_TIME_CONSTANT_S: f32 = 30.0;
 /// Variance of theta for the initial guess. The standard deviation is as large as the guess.
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, up to [`GUESS_VARIANCE`], because windings warm up and loads change. Chosen:
-/// measured with the program
-/// `survey`, which simulates random motors. With 0.08 to 0.13 fewer responses never settle than with 0.03. With 0.12 a
-/// broken wire of a motor with a heavy flywheel is known after 268 ms, and 250 ms are allowed.
+/// Growth of the variance per second while corrections show the gain, up to [`GUESS_VARIANCE`], because windings warm up
+/// and loads change. Measured with the program `survey`, which simulates random motors: with 0.08 to 0.13 fewer
+/// responses never settle than with 0.03. With 0.12 a broken wire of a motor with a heavy flywheel is known after
+/// 268 ms, and 250 ms are allowed.
 const VARIANCE_PER_SECOND: f32 = 0.11;
 /// Sensitivity, in counts, up to which the variance does not grow. With so small a sensitivity a correction hardly
 /// reduces the variance, so the variance would only grow.
 const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
-/// Error of the predicted position, in counts, if the error of b is as large as the initial guess. Below this error an
-/// unexplained correction pauses the estimate, because the state of the observer is then wrong, not the gain. The
-/// sensitivity s alone would not show this: if b is far too small, s is small, but the relative error of b is large.
+/// Least effect on the predicted position, in counts, of an error of b as large as the initial guess (`s guess / b`).
+/// With a smaller effect, an unexplained correction shows a wrong state, not a wrong gain, and pauses the estimate. s
+/// alone does not show this: if b is far too small, s is small, but the relative error of b is large.
 const RELEVANT_SENSITIVITY: f32 = 0.1;
 /// Standard deviation of a correction because of the resolution of whole counts, in counts.
 const COUNTING_NOISE: f32 = 0.25;
@@ -64,7 +64,7 @@ const PAUSE_S: f32 = 0.05;
 const LONGEST_PAUSE_S: f32 = 0.6;
 /// Difference of the accelerating voltage from its mean, as a share of the voltage across the motor, up to which theta
 /// is not updated. At a steady speed the errors of whole counts have a constant sign, and would shift the estimate
-/// within minutes. Chosen: measured with a limit of 0.3 %, the estimate drifts in two minutes.
+/// within minutes. Measured: with a limit of 0.3 %, the estimate drifts in two minutes.
 const EXCITATION_SHARE: f32 = 0.01;
 /// Time constant of the mean accelerating voltage, in s.
 const EXCITATION_S: f32 = 0.3;
@@ -107,8 +107,8 @@ pub(super) struct GainEstimate {
     mean_net_volts: f32,
     /// Gain in use, as a share of the gain at the last count.
     share_since_count: f32,
-    /// True after [`multiply`](Self::multiply): theta is then not updated, because a load that swings the speed would
-    /// lead to a wrong gain.
+    /// True after [`multiply`](Self::multiply): theta is not updated, because a load that makes the speed swing would
+    /// teach a wrong gain.
     is_fixed: bool,
 }
 
@@ -158,14 +158,14 @@ impl GainEstimate {
             && HEAVY_TIME_CONSTANT_RATIO * plant.b < guessed_gain(plant.kappa)
     }
 
-    /// Converts theta and its variance to a new gain b of the observer, which is this factor times the old gain.
+    /// Refers theta and its variance to a new gain of the observer, which is `factor` times b.
     fn refer_to(&mut self, factor: f32) {
         self.theta = (1.0 + self.theta) / factor - 1.0;
         self.variance /= factor * factor;
     }
 
-    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. Its variance stays.
-    /// Corrections then do not update theta until [`update_again`](Self::update_again), or until the estimate returns
+    /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. The variance of
+    /// theta stays. Corrections then do not update theta until [`update_again`](Self::update_again), or until the estimate returns
     /// to the initial guess.
     pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
@@ -210,8 +210,8 @@ impl GainEstimate {
         *of_speed += (plant.b * self.net_volts - damping * *of_speed + *load) * SAMPLE_S;
     }
 
-    /// Updates the estimate from a correction of the observer, after a sample with `moved` counts at this voltage in
-    /// V. Theta is only updated if `updates` is true.
+    /// Updates the estimate from a correction of the observer, after a sample with `moved` counts. `voltage` is in V;
+    /// `None` while the bridge is open. Theta is only updated if `updates` is true.
     pub(super) fn correct(
         &mut self,
         plant: &Plant,
@@ -244,7 +244,7 @@ impl GainEstimate {
         if excited && s.abs() > LEAST_GROWTH_SENSITIVITY && self.variance < GUESS_VARIANCE {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        // Most corrections are noise, which the squares show without a square root.
+        // A comparison of squares finds most noise without a square root.
         let is_noise = innovation * innovation <= LARGEST_NOISE_SIGMAS * LARGEST_NOISE_SIGMAS * noise;
         let is_explained = is_noise
             || innovation.abs()

@@ -301,7 +301,7 @@ impl Regulator {
             && let Some(estimate) = &mut self.gain_estimate
         {
             // Samples without a count do not show the gain while a motor may be held at rest, or blocked by a stop.
-            let silence_us = reading.at.since(reading.edge_at);
+            let silence_us = reading.since_edge_us();
             let missed_counts = self.requested.to_f32().abs() * silence_us as f32 * 1e-6;
             let uncertain = self.stalled_ms >= STALLED_MS
                 || should_stand
@@ -344,7 +344,7 @@ impl Regulator {
         if !(self.observer.speed() + self.observer.fraction()).is_finite() {
             self.restart(0.0);
         }
-        let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
+        let still = |last: &Reading| last.since_edge_us() >= REST_MICROS;
         if self.volts.is_none() && self.last.as_ref().is_some_and(still) {
             self.observer.rest();
             self.law.set_friction_speed(0.0);
@@ -470,7 +470,7 @@ impl Regulator {
     /// True if the bridge is closed, but the encoder has sent no count for 100 ms. Without regulation the estimated
     /// load is then the counterforce of a stop, or there are no counts.
     pub fn is_blocked(&self) -> bool {
-        let silent = |last: Reading| last.at.since(last.edge_at) >= 1_000 * u64::from(STALLED_MS);
+        let silent = |last: Reading| last.since_edge_us() >= 1_000 * u64::from(STALLED_MS);
         self.volts.is_some() && self.last.is_some_and(silent)
     }
 

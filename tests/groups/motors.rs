@@ -431,6 +431,19 @@ fn a_course_that_waits_for_an_encoder_stops_its_members() {
 }
 
 #[test]
+fn a_group_moves_once_the_battery_voltage_is_known() {
+    let mut bench = set_up(50, two(), true, [WHEEL; 2]);
+    bench.battery_read = false;
+    bench.move_group(usual(by([500; 2]), 1_000, 4_000));
+    bench.run_ms(1_000);
+    bench.battery_read = true;
+    bench.run_ms(3_000);
+    for index in 0..2 {
+        assert!((bench.counts(index) - 500.0).abs() < 4.0, "{} counts", bench.counts(index));
+    }
+}
+
+#[test]
 fn a_group_that_has_lost_a_member_does_not_settle_where_the_others_have_stopped() {
     for period in PERIODS {
         let mut bench = set_up(period, two(), true, [WHEEL; 2]);

@@ -150,7 +150,7 @@ impl Segments {
 
     /// Position within the present count, 0 to 1, by the time since the last edge and the speed in counts/s.
     fn fraction(&self, speed: f32) -> f32 {
-        let since = self.last.at.since(self.last.edge_at) as f32 * 1e-6;
+        let since = self.last.since_edge_us() as f32 * 1e-6;
         let speed = speed.abs();
         let passed = (speed * since + (speed * SAMPLE_S).min(1.0) / 2.0).min(1.0);
         if self.direction > 0.0 {
