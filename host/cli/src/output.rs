@@ -5,7 +5,10 @@ use motor_hub_client::Error;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt;
-use std::io::{ErrorKind, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+#[cfg(unix)]
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use studies::{NamedFigure, SCHEMA_VERSION};
@@ -63,14 +66,14 @@ impl From<Error> for Failure {
 
 /// Prints a line on standard error. A closed terminal is no error.
 pub(crate) fn print_error_line(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{text}");
 }
 
 /// Returns the number of columns for tables: the variable COLUMNS, otherwise the width of the terminal on standard
 /// output. `None` without the variable and without a terminal.
 pub(crate) fn columns() -> Option<u16> {
     let set = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
-    let of_terminal = || terminal_size_of(std::io::stdout()).map(|(Width(columns), _)| columns);
+    let of_terminal = || terminal_size_of(io::stdout()).map(|(Width(columns), _)| columns);
     set.filter(|columns| *columns > 0).or_else(of_terminal)
 }
 
@@ -110,7 +113,7 @@ fn without_negative_zero(value: &mut Value) {
 
 /// Prints to standard output. A closed standard output is a failure.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
-    let mut out = std::io::stdout().lock();
+    let mut out = io::stdout().lock();
     let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     done.map_err(|e| match e.kind() {
         ErrorKind::BrokenPipe => Failure::OutputClosed,
@@ -139,6 +142,38 @@ pub(crate) fn in_steps<T>(units: &'static str, work: impl FnOnce(&mut dyn FnMut(
     done
 }
 
+/// Writes a file. A file that exists keeps its content until the new file is complete, for example on a full disk.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let written = match fs::canonicalize(path) {
+        // A device or a pipe cannot be replaced.
+        Ok(old) if !old.is_file() => fs::write(old, bytes),
+        // A symbolic link stays, and the file is replaced that it names.
+        Ok(old) => replace(&old, bytes),
+        Err(_) => fs::write(path, bytes),
+    };
+    written.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))
+}
+
+/// Replaces a file to which this program may write. The new file has the owner and the permissions of the old one.
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let old = OpenOptions::new().write(true).open(path)?.metadata()?;
+    let new = path.with_file_name(format!(".motor-hub-{}", std::process::id()));
+    let replaced = File::create(&new).and_then(|mut file| {
+        file.write_all(bytes)?;
+        // Another owner is given by the superuser only.
+        #[cfg(unix)]
+        let _ = std::os::unix::fs::fchown(&file, Some(old.uid()), Some(old.gid()));
+        file.set_permissions(old.permissions())?;
+        // Some file systems report a full disk only now.
+        file.sync_all()?;
+        fs::rename(&new, path)
+    });
+    if replaced.is_err() {
+        let _ = fs::remove_file(&new);
+    }
+    replaced
+}
+
 /// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
@@ -160,9 +195,9 @@ impl Folder {
             )));
         }
         let trial = path.join(format!(".motor-hub-{}", std::process::id()));
-        let tried = std::fs::create_dir_all(path)
-            .and_then(|()| std::fs::write(&trial, []))
-            .and_then(|()| std::fs::remove_file(&trial));
+        let tried = fs::create_dir_all(path)
+            .and_then(|()| fs::write(&trial, []))
+            .and_then(|()| fs::remove_file(&trial));
         let failed =
             |e| Failure::Input(format!("{}: nothing can be written to this folder: {e}", path.display()));
         tried.map(|()| Self(path.to_owned())).map_err(failed)
@@ -173,8 +208,7 @@ impl Folder {
         let mut written = Vec::with_capacity(files.len());
         for (name, bytes) in files {
             let path = self.0.join(name);
-            let done = std::fs::write(&path, bytes);
-            done.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
+            write_file(&path, &bytes)?;
             written.push(path);
         }
         Ok(written)

@@ -5,7 +5,7 @@ use super::hub::HubOptions;
 use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
 use super::readings::{MotorReading, motors_of, put_motion, repeat};
-use crate::output::{Failure, Folder, drawn, print};
+use crate::output::{Failure, Folder, drawn, print, write_file};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::ReportedSetpoint;
@@ -14,7 +14,7 @@ use motor_hub::units::Milliamperes;
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::motor::Setpoint;
 use motor_hub_client::{Error, Session};
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -112,9 +112,9 @@ struct Recorder {
 impl Recorder {
     fn new(folder: &Path, words: &str, motion: &Motion) -> Result<Self, Failure> {
         let path = folder.join("record.csv");
-        let failed = |e| Failure::Work(format!("{}: {e}", path.display()));
-        let mut file = File::create(&path).map_err(failed)?;
-        file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
+        write_file(&path, HEADINGS.as_bytes())?;
+        let file = OpenOptions::new().append(true).open(&path);
+        let file = file.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
         let requested = match motion.setpoint {
             Setpoint::Power(power) => ReportedSetpoint::Power(power),
             Setpoint::Current { ma, .. } => ReportedSetpoint::Current(Milliamperes::new(ma)),

@@ -1,7 +1,7 @@
 //! Implements the command `motor-hub client settings`.
 
 use super::hub::HubOptions;
-use crate::output::{Failure, print, print_as};
+use crate::output::{Failure, print, print_as, write_file};
 use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::StoreReport;
@@ -95,8 +95,7 @@ impl Options {
                 }
                 let text = settings_file::export(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
-                std::fs::write(&file, text)
-                    .map_err(|error| Failure::Work(format!("{}: {error}", file.display())))?;
+                write_file(&file, text.as_bytes())?;
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {

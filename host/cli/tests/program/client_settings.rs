@@ -1,11 +1,16 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 
-use crate::common::{client, fails, json, motor_hub, out, printed, start_client, store, wait_for};
+use crate::common::{
+    client, fails, json, motor_hub, motor_hub_with_files_of, out, printed, start_client, store, wait_for,
+    write,
+};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use motor_hub::extension::HubFunction;
 use motor_hub::store::Found;
 use serde_json::Value;
+use std::fs::Permissions;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
@@ -108,6 +113,28 @@ fn exported_settings_are_imported_bit_by_bit() {
     std::fs::write(&file, one + "\n# end\n").unwrap();
     settings(&hub, &["import", &file]);
     assert_eq!(settings(&hub, &["export"]), exported);
+}
+
+#[test]
+fn a_file_that_cannot_be_replaced_stays_as_it_was() {
+    let store = store("settings-full-disk");
+    let hub = served(&store);
+    let folder = Path::new(&store).parent().unwrap();
+    let file = write(folder, "kept.toml", "kept");
+    let link = folder.join("link.toml");
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    let export = ["client", "--tcp", &hub.place, "settings", "export", link.to_str().unwrap()];
+    fails(&motor_hub_with_files_of(1, &export), 1, "link.toml: File too large");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "kept");
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 3, "store, file and link");
+    // On success the link and the permissions stay.
+    std::fs::set_permissions(&file, Permissions::from_mode(0o640)).unwrap();
+    out(&motor_hub(&export));
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), settings(&hub, &["export"]));
+    assert_eq!(std::fs::metadata(&file).unwrap().mode() & 0o777, 0o640);
+    assert_eq!(std::fs::read_link(&link).unwrap(), Path::new(&file));
+    // A device is written, and not replaced.
+    fails(&client(&hub, &["settings", "export", "/dev/full"]), 1, "/dev/full: No space left on device");
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! A host uses the served hub over a serial port and over TCP.
 
-use crate::common::{PROGRAM, client, fails, made_folder, motor_hub, out, scenario, signal, store, wait_for};
+use crate::common::{
+    PROGRAM, client, fails, made_folder, motor_hub, motor_hub_with_files_of, out, scenario, signal, store,
+    wait_for,
+};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -189,13 +192,7 @@ fn a_store_is_one_hubs_alone() {
 fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
     let store = store("store-cut-short");
     let arguments = ["serve", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
-    // No file of this shell may be longer than 8 kB: a write beyond that fails, as on a full disk.
-    let limited = Command::new("bash")
-        .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$@\"", "bash", PROGRAM])
-        .args(arguments)
-        .output()
-        .unwrap();
-    fails(&limited, 2, "File too large");
+    fails(&motor_hub_with_files_of(8, &arguments), 2, "File too large");
     assert_eq!(std::fs::metadata(&store).unwrap().len(), 8192);
     out(&motor_hub(&arguments));
     assert_eq!(std::fs::read(&store).unwrap(), [0xFF; 32 * 1024]);

@@ -24,6 +24,13 @@ pub(crate) fn client(hub: &Hub, arguments: &[&str]) -> Output {
     motor_hub(&[&["client", line, &hub.place], arguments].concat())
 }
 
+/// Runs the program to its end. It cannot write a file beyond this length, as on a full disk.
+pub(crate) fn motor_hub_with_files_of(kib: u32, arguments: &[&str]) -> Output {
+    let limited = format!("trap '' XFSZ; ulimit -f {kib}; exec \"$@\"");
+    let mut shell = Command::new("bash");
+    shell.args(["-c", &limited, "bash", PROGRAM]).args(arguments).output().expect("the program starts")
+}
+
 /// Starts `client` for a hub on a TCP port.
 pub(crate) fn start_client(place: &str, arguments: &[&str]) -> Child {
     let mut command = Command::new(PROGRAM);
