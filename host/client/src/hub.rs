@@ -43,6 +43,9 @@ const STORE_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time-out of [`Session::catch_up`]: three of the longest control periods, which are 100 ms.
 const CATCHING_UP: Duration = Duration::from_millis(300);
 
+/// Time-out of [`Session::fail_safe_lost`]. A hub of a chain that runs answers within this time.
+const LOST_TIMEOUT: Duration = Duration::from_millis(20);
+
 /// Interval between two requests to a hub that has not finished.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -189,6 +192,18 @@ impl Session {
     /// Disables all motors; modes, targets and encoder positions are kept.
     pub fn fail_safe(&mut self) -> Result<(), Error> {
         self.command(Standard::FailSafe)
+    }
+
+    /// Disables all motors of a hub of a chain that has not answered before, with a time-out of 20 ms, so that this request
+    /// hardly delays the requests to the other hubs of the chain.
+    ///
+    /// # Errors
+    /// [`Error::Silent`] for a hub that still does not answer.
+    pub fn fail_safe_lost(&mut self) -> Result<(), Error> {
+        let before = std::mem::replace(&mut self.timeout, LOST_TIMEOUT);
+        let done = self.fail_safe();
+        self.timeout = before;
+        done
     }
 
     /// Gives the hub another address, which this session then uses.

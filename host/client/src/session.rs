@@ -89,7 +89,7 @@ pub struct Session {
     /// exchange. A late answer of another hub is ignored, because the answer refers to another message number.
     no_stale_input: bool,
     since: Instant,
-    timeout: Duration,
+    pub(crate) timeout: Duration,
     /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,

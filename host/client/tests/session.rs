@@ -30,7 +30,7 @@ use motor_hub_client::{Error, Session};
 use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -101,6 +101,17 @@ fn a_timeout_of_any_length_is_limited_to_an_hour() {
     session.set_timeout(Duration::MAX);
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
     assert_eq!(session.discover().unwrap(), [found(ADDRESS, true)]);
+}
+
+#[test]
+fn a_lost_hub_hardly_delays_the_requests_to_other_hubs() {
+    let mut session = session(Memory::of(vec![Hub::new(), Hub { responder: responder_at(9), ..Hub::new() }]));
+    let begun = Instant::now();
+    session.select_hub(Address::new(8).unwrap());
+    assert!(matches!(session.fail_safe_lost(), Err(Error::Silent { address: 8 })));
+    session.select_hub(Address::new(9).unwrap());
+    session.fail_safe_lost().unwrap();
+    assert!(begun.elapsed() < TIMEOUT / 2, "{:?}", begun.elapsed());
 }
 
 #[test]

@@ -6,12 +6,10 @@
 //! a short time-out, so that it hardly delays the other hubs. If the lost hub was shown, the parent is shown instead.
 //! If the parent does not answer, no hub can be reached.
 
-use crate::relay::REQUEST_TIMEOUT;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::{Error, Session};
 use serde::Serialize;
-use std::time::Duration;
 
 /// Largest number of hubs of a chain; further hubs on the line are ignored.
 const MAX_HUBS: usize = 4;
@@ -22,9 +20,6 @@ pub(crate) const FRAMES_PER_QUERY: u64 = 5;
 
 /// Number of frames between two requests to a lost hub: a second.
 const FRAMES_PER_RETRY: u64 = 50;
-
-/// Time-out of the request to a lost hub. A child answers within 20 ms.
-const LOST_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// A hub of a chain, for pages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -140,13 +135,7 @@ impl Chain {
     /// # Errors
     /// The line fails.
     pub(crate) fn ask_lost(&mut self, session: &mut Session, frame: u64) -> Result<Option<u8>, Error> {
-        let disable = |session: &mut Session| {
-            session.set_timeout(LOST_TIMEOUT);
-            let answer = session.fail_safe();
-            session.set_timeout(REQUEST_TIMEOUT);
-            answer
-        };
-        match self.ask_next(session, frame, FRAMES_PER_RETRY, |hub| hub.lost, disable) {
+        match self.ask_next(session, frame, FRAMES_PER_RETRY, |hub| hub.lost, Session::fail_safe_lost) {
             Some((_, Err(error @ (Error::Line(_) | Error::HungUp)))) => Err(error),
             None | Some((_, Err(_))) => Ok(None),
             Some((hub, Ok(()))) => {

@@ -31,7 +31,7 @@ use std::time::Duration;
 pub const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Time-out of the hub's answers. The time-out is short, so that a stop or the loss of a page is handled soon.
-pub(crate) const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
+const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Interval between attempts to connect to a lost hub.
 const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);

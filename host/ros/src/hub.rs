@@ -34,8 +34,6 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time-out of requests to a child. A child answers within 20 ms. The other hubs get no requests while the thread waits
 /// for a child.
 const CHILD_TIMEOUT: Duration = Duration::from_millis(150);
-/// Time-out of the request to a lost child.
-const LOST_CHILD_TIMEOUT: Duration = Duration::from_millis(20);
 /// Longest wait for the battery voltage of a hub that has just started.
 const BATTERY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Interval between two messages about battery and diagnostics.
@@ -487,7 +485,6 @@ impl Connected {
         if let Some((child, _)) = lost.filter(|_| found) {
             self.lost.insert(child, Instant::now() + RECONNECT_INTERVAL);
             self.session.select_hub(Address::new(child).unwrap_or(self.parent));
-            self.session.set_timeout(LOST_CHILD_TIMEOUT);
             self.disable_child(child)?;
             self.lost.remove(&child);
         }
@@ -512,7 +509,7 @@ impl Connected {
         for (_, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == Some(address)) {
             *sent = SentState::default();
         }
-        self.session.fail_safe()
+        if self.lost.contains_key(&address) { self.session.fail_safe_lost() } else { self.session.fail_safe() }
     }
 
     /// Disables all motors. One broadcast packet reaches all hubs of a chain. A child that does not confirm is lost.
