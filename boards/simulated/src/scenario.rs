@@ -108,12 +108,20 @@ const LARGEST_TEXT: u64 = 1 << 20;
 /// # Errors
 /// The file cannot be read, is no UTF-8 text, or is larger.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    let length = File::open(path)?.take(LARGEST_TEXT + 1).read_to_string(&mut text)?;
-    if length as u64 > LARGEST_TEXT {
-        return Err(io::Error::other(format!("more than {LARGEST_TEXT} bytes, the largest size allowed")));
+    String::from_utf8(read_at_most(LARGEST_TEXT, File::open(path)?)?).map_err(io::Error::other)
+}
+
+/// Reads `largest` bytes at most.
+///
+/// # Errors
+/// Reading fails, or there are more bytes.
+pub fn read_at_most(largest: u64, from: impl Read) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    from.take(largest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > largest {
+        return Err(io::Error::other(format!("more than {largest} bytes, the largest size allowed")));
     }
-    Ok(text)
+    Ok(bytes)
 }
 
 /// Reads a file. If `is_complete` is true, every motor needs a set-point or a group.

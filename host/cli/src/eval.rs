@@ -2,9 +2,14 @@
 
 use crate::output::{Failure, print_json};
 use serde_json::Value;
-use std::io::Read;
+use simulated::scenario::read_at_most;
+use std::fs::File;
+use std::io;
 use std::path::PathBuf;
 use studies::eval::{Answers, answers};
+
+/// Largest document in bytes.
+const LARGEST_DOCUMENT: u64 = 64 << 20;
 
 const HELP: &str = "\
 The scripting interface: computes cases of a JSON document
@@ -59,7 +64,7 @@ impl Options {
         let file = self.file.display();
         let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{file}: {why}"));
         let text = self.read().map_err(|e| wrong(&e))?;
-        let document: Value = serde_json::from_str(&text)
+        let document: Value = serde_json::from_slice(&text)
             .map_err(|e| Failure::Input(format!("{file}:{}:{}: {e}", e.line(), e.column())))?;
         let Answers { document, cases, failed } = answers(&document).map_err(|e| wrong(&e))?;
         print_json(&document)?;
@@ -71,12 +76,10 @@ impl Options {
         }
     }
 
-    fn read(&self) -> std::io::Result<String> {
-        if self.file.as_os_str() != "-" {
-            return std::fs::read_to_string(&self.file);
+    fn read(&self) -> io::Result<Vec<u8>> {
+        if self.file.as_os_str() == "-" {
+            return read_at_most(LARGEST_DOCUMENT, io::stdin());
         }
-        let mut text = String::new();
-        std::io::stdin().read_to_string(&mut text)?;
-        Ok(text)
+        read_at_most(LARGEST_DOCUMENT, File::open(&self.file)?)
     }
 }

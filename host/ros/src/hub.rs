@@ -509,7 +509,11 @@ impl Connected {
         for (_, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == Some(address)) {
             *sent = SentState::default();
         }
-        if self.lost.contains_key(&address) { self.session.fail_safe_lost() } else { self.session.fail_safe() }
+        if self.lost.contains_key(&address) {
+            self.session.fail_safe_lost()
+        } else {
+            self.session.fail_safe()
+        }
     }
 
     /// Disables all motors. One broadcast packet reaches all hubs of a chain. A child that does not confirm is lost.

@@ -18,12 +18,17 @@ use config::Config;
 use hub::HubThread;
 use node::Graph;
 use robot::Robot;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
+
+/// Largest configuration and largest robot description in bytes. A description with all details has some 100 kB.
+const LARGEST_FILE: u64 = 16 << 20;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
@@ -53,8 +58,6 @@ fn main() -> ExitCode {
 
 /// Runs until Ctrl-C, then disables all motors.
 fn run(path: &Path) -> Result<(), String> {
-    let read =
-        |path: &Path| std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()));
     let config = Config::read(&read(path)?).map_err(|error| format!("{}: {error}", path.display()))?;
     let domain = config.domain()?;
     let description = |hub: &config::Hub| hub.robot_description.as_deref().map(read).transpose();
@@ -96,6 +99,17 @@ fn run(path: &Path) -> Result<(), String> {
     session.close().wait().map_err(|error| error.to_string())
 }
 
+/// Reads a text file of [`LARGEST_FILE`] bytes at most. A device such as `/dev/zero` has no end.
+fn read(path: &Path) -> Result<String, String> {
+    let mut text = String::new();
+    let length = File::open(path).and_then(|file| file.take(LARGEST_FILE + 1).read_to_string(&mut text));
+    match length {
+        Ok(length) if length as u64 <= LARGEST_FILE => Ok(text),
+        Ok(_) => Err(format!("{}: more than {LARGEST_FILE} bytes, the largest size allowed", path.display())),
+        Err(error) => Err(format!("{}: {error}", path.display())),
+    }
+}
+
 /// Returns the settings of a Zenoh client. The client waits for the router without a time-out, also after the router
 /// has been restarted.
 fn settings(router: &str) -> Result<zenoh::Config, String> {
@@ -111,4 +125,15 @@ fn settings(router: &str) -> Result<zenoh::Config, String> {
         settings.insert_json5(key, value).map_err(|error| format!("router {router:?}: {error}"))?;
     }
     Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_without_an_end_is_refused() {
+        let error = read(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(error, "/dev/zero: more than 16777216 bytes, the largest size allowed");
+    }
 }

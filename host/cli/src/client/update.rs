@@ -9,7 +9,9 @@ use indicatif::ProgressBar;
 use motor_hub::update::ImageSignature;
 use motor_hub_client::Session;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating, read_key, read_signature};
+use simulated::scenario::read_at_most;
 use std::fmt::Display;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -41,6 +43,9 @@ number is lower than its firmware's.";
 /// Text for an update that a signal can no longer cancel.
 const GOES_ON: &str = "the update goes on without this command: the hub exchanges the images or tries the new firmware, and answers \
                        again after some 20 s; look at its version with `client status` then";
+
+/// Largest file in bytes that is read. An ELF file of this project has some 7 MB, nearly all of it debug information.
+const LARGEST_FILE: u64 = 64 << 20;
 
 /// Interval between two steps while the hub writes.
 const WRITES: Duration = Duration::from_millis(20);
@@ -103,7 +108,8 @@ impl Options {
 /// Reads a file, and parses its bytes.
 fn read_file<T, E: Display>(file: &Path, parse: impl FnOnce(&[u8]) -> Result<T, E>) -> Result<T, Failure> {
     let wrong = |why: &dyn Display| Failure::Input(format!("{}: {why}", file.display()));
-    let bytes = std::fs::read(file).map_err(|error| wrong(&error))?;
+    let bytes = File::open(file).and_then(|file| read_at_most(LARGEST_FILE, file));
+    let bytes = bytes.map_err(|error| wrong(&error))?;
     parse(&bytes).map_err(|why| wrong(&why))
 }
 

@@ -117,6 +117,8 @@ client servo 0 25000 | a pulse of 25000 us is longer than its period of 20000 us
 client servo 0 1500 --period-us 1000 | allowed are 1 to 1000 us, or a longer --period-us
 client digital 8 | a digital pin is 0 to 7
 client i2c read 4 0x28 | an I2C bus is 0 to 3
+client update /dev/zero | /dev/zero: more than 67108864 bytes
+eval /dev/zero | /dev/zero: more than 67108864 bytes
 client i2c read 0 0x80 | an I2C address is 0 to 127, or 0x00 to 0x7f
 client i2c read 0 0x28 101 | a number of bytes is 1 to 100
 client i2c write 0 0x28 256 | a byte is 0 to 255, or 0x00 to 0xff
