@@ -121,6 +121,21 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     })
 }
 
+/// Fails if the reader of standard output has closed it. Windows reports that only to a program that prints.
+pub(crate) fn check_reader() -> Result<(), Failure> {
+    #[cfg(unix)]
+    {
+        use rustix::event::{PollFd, PollFlags, Timespec, poll};
+        let out = io::stdout();
+        let mut out = [PollFd::new(&out, PollFlags::empty())];
+        let polled = poll(&mut out, Some(&Timespec::default()));
+        if polled.is_ok() && out.iter().any(|out| out.revents().intersects(PollFlags::ERR | PollFlags::HUP)) {
+            return Err(Failure::OutputClosed);
+        }
+    }
+    Ok(())
+}
+
 /// Returns a progress bar that shows `units`. The bar is visible only if standard error is a terminal.
 pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar {
     let bar = length.map_or_else(ProgressBar::no_length, ProgressBar::new).with_message(units);

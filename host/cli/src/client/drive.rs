@@ -201,6 +201,7 @@ pub(super) fn follow(
         settled(session, reading)
     });
     // The last reading is always printed.
-    live.finish()?;
-    done
+    let shown = live.finish();
+    let done = done?;
+    shown.map(|()| done)
 }

@@ -2,7 +2,7 @@
 
 use super::interrupt;
 use super::shaft_speed::shaft_speed;
-use crate::output::{Failure, print};
+use crate::output::{Failure, check_reader, print};
 use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::answers::{Bulk, Status};
@@ -257,7 +257,8 @@ impl Live {
 }
 
 /// Calls `each` with the time of its first call, immediately and then every `interval`. Ends with `Ok(true)` when `each`
-/// returns true, and with `Ok(false)` when `length` is over. Fails as soon as a signal has been received.
+/// returns true, and with `Ok(false)` when `length` is over. Fails as soon as a signal has been received, and when the
+/// reader of standard output has closed it.
 pub(crate) fn repeat(
     interval: Duration,
     length: Option<Duration>,
@@ -271,6 +272,7 @@ pub(crate) fn repeat(
         // up for.
         next = Instant::now().max(next + interval);
         interrupt::wait(end.map_or(next, |end| end.min(next)))?;
+        check_reader()?;
         if end.is_some_and(|end| end <= Instant::now()) {
             return Ok(false);
         }

@@ -93,8 +93,8 @@ impl Options {
             })?;
             if settled { Ok(()) } else { progress.judge() }
         });
-        recorder.finish(&folder)?;
-        done
+        let finished = recorder.finish(&folder);
+        done.and(finished)
     }
 }
 

@@ -1,6 +1,8 @@
 //! The command line: exit codes, outputs, and what a run shows.
 
-use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, printed, write};
+use crate::common::{PROGRAM, driving, err, fails, folder, json, motor_hub, out, printed, write};
+use crate::conformance::Hub;
+use crate::hub_support::{Hub as FakeHub, Server};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -387,10 +389,28 @@ fn a_back_emf_that_the_firmware_cannot_represent_is_refused() {
 
 #[test]
 fn a_closed_standard_output_ends_a_command_silently() {
-    let (reader, writer) = std::io::pipe().unwrap();
-    drop(reader);
-    let ended = Command::new(PROGRAM).arg("motors").stdout(writer).output().unwrap();
+    let run = |arguments: &[&str]| {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        Command::new(PROGRAM).args(arguments).stdout(writer).output().unwrap()
+    };
+    let ended = run(&["motors"]);
     assert_eq!((ended.status.code(), err(&ended)), (Some(1), String::new()));
+    // A recording prints nothing until it ends.
+    let hub = Hub::served();
+    let folder = folder("closed-output");
+    let record = |place, drive: &[&str]| {
+        let record = ["client", "--tcp", place, "record", "--out", folder.to_str().unwrap(), "--"];
+        run(&[&record, drive].concat())
+    };
+    let ended = record(&hub.place, &["power", "0", "0"]);
+    assert_eq!((ended.status.code(), err(&ended)), (Some(1), "disabled motor 0\n".to_owned()));
+    let mut servo = driving(&hub, &["servo", "0", "1500"]);
+    drop(servo.stdout.take());
+    assert_eq!(servo.wait().unwrap().code(), Some(1));
+    // The failure of a recording is told nevertheless.
+    let foreign = Server::start(FakeHub { foreign: true, ..FakeHub::new() });
+    fails(&record(&foreign.address, &["current", "0", "1"]), 1, "the hub regulates no current");
 }
 
 #[test]
