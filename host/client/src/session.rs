@@ -185,8 +185,8 @@ impl Session {
     }
 
     /// Number of resets of the selected hub that the reports of this session have shown. A reset is shown by the first
-    /// [`report`](Self::report) after the reset. After a reset the session asks the hub again for its functions, because
-    /// the hub may have new firmware.
+    /// [`report`](Self::report) after the reset, unless the hub had then run at least as long as at the report before the
+    /// reset. After a reset the session asks the hub again for its functions, because the hub may have new firmware.
     pub fn resets(&self) -> u32 {
         self.clocks.get(&self.address).map_or(0, |clock| clock.resets)
     }
