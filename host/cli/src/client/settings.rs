@@ -94,6 +94,7 @@ impl Options {
                     ));
                 }
                 let text = settings_file::export(session)?;
+                not_reset(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
                 write_file(&file, text.as_bytes())?;
                 format!("wrote {}", file.display())

@@ -151,6 +151,20 @@ fn a_file_that_was_cut_or_has_no_end_is_refused() {
 }
 
 #[test]
+fn settings_of_which_a_reset_has_deleted_a_part_are_not_exported() {
+    let mut hub = FakeHub::running_for(60_000);
+    hub.responder.restore(Found::default());
+    let reading = hub.lose_replies(|packet| packet.id == HubFunction::Base.id());
+    let server = Server::start(hub);
+    let file = format!("{}.toml", store("settings-export-reset"));
+    let process = start_client(&server.address, &["settings", "export", &file]);
+    wait_for("the export", || reading.load(Ordering::Relaxed).then_some(()));
+    *server.hub() = FakeHub::running_for(20);
+    fails(&process.wait_with_output().unwrap(), 1, "the hub was reset meanwhile");
+    assert!(!Path::new(&file).exists());
+}
+
+#[test]
 fn settings_that_a_reset_has_deleted_are_not_reported_as_stored() {
     let running_for = |ms: u64| {
         let mut hub = FakeHub::running_for(ms);
