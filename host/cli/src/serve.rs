@@ -5,9 +5,7 @@ mod link;
 mod notices;
 
 use crate::client::interrupt::SIGNALS;
-#[cfg(unix)]
-use crate::output::print_error_line;
-use crate::output::{Failure, print};
+use crate::output::{Failure, print, print_error_line};
 use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
 use crate::served_hubs::{self, ServedHubFile};
@@ -198,7 +196,7 @@ impl Options {
                 }
                 totals = [lost.as_secs_f64(), rejected_hosts.into()];
                 for notice in notices.due(at_s, totals) {
-                    bar.suspend(|| eprintln!("{notice}"));
+                    bar.suspend(|| print_error_line(&notice));
                 }
                 let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
                 printed.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
@@ -206,7 +204,7 @@ impl Options {
         bar.finish_and_clear();
         served.map_err(Failure::work)?;
         for notice in notices.due(f64::INFINITY, totals) {
-            eprintln!("{notice}");
+            print_error_line(&notice);
         }
         printed
     }

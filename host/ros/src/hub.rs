@@ -103,7 +103,7 @@ impl HubThread {
         while !self.ends.load(Ordering::Relaxed) {
             let lost = match Session::open(&place) {
                 Ok(session) => {
-                    println!("{place}: connected");
+                    print_line!("{place}: connected");
                     reached = true;
                     match self.connect(session) {
                         Ok(()) => return,
@@ -112,7 +112,10 @@ impl HubThread {
                 }
                 Err(error) => error.to_string(),
             };
-            eprintln!("warning: {place}: {lost}; the next try follows in {} s", RECONNECT_INTERVAL.as_secs());
+            print_error_line!(
+                "warning: {place}: {lost}; the next try follows in {} s",
+                RECONNECT_INTERVAL.as_secs()
+            );
             if reached {
                 self.robot.lose();
             }
@@ -147,7 +150,7 @@ impl HubThread {
         };
         self.serve(&mut hub).map_err(|error| error.to_string())?;
         if let Err(error) = hub.disable() {
-            eprintln!(
+            print_error_line!(
                 "warning: motors could not be disabled: {error}; the hub disables them by itself within 2.5 s"
             );
         }
@@ -227,7 +230,7 @@ impl HubThread {
             Error::Silent { address } if address != hub.parent.get() => {
                 let identified = hub.identification.is_some();
                 if hub.lose(address) {
-                    eprintln!("warning: {}: {text}", self.robot.config().place);
+                    print_error_line!("warning: {}: {text}", self.robot.config().place);
                 }
                 self.robot.lose_child(address);
                 if identified && hub.identification.is_none() {
@@ -352,17 +355,17 @@ impl HubThread {
         let is_new = hub.find(address)?;
         let (place, at) = (self.robot.config().place.clone(), hub.session.address());
         if is_new {
-            println!("{place}: connected to the hub at address {at}");
+            print_line!("{place}: connected to the hub at address {at}");
         }
         let Some(report) = hub.session.report()? else {
             let why = format!("the firmware of the hub at address {at} is not of this project, or too old");
             let Some(address) = address else { return Err(std::io::Error::other(why).into()) };
-            eprintln!("error: {place}: {why}");
+            print_error_line!("error: {place}: {why}");
             return Err(Error::Silent { address });
         };
         let resets = hub.session.resets();
         if hub.resets.insert(at, resets).unwrap_or_default() != resets {
-            eprintln!("warning: {place}: the hub at address {at} was reset");
+            print_error_line!("warning: {place}: the hub at address {at} was reset");
             hub.end_save(address, Some("the hub was reset".to_owned()));
             match address {
                 None => {
@@ -404,7 +407,7 @@ impl HubThread {
 /// Prints why a message was not published. Zenoh drops messages without an error while no router is connected.
 fn warn_if_unpublished(published: zenoh::Result<()>) {
     if let Err(error) = published {
-        eprintln!("warning: a message could not be published: {error}");
+        print_error_line!("warning: a message could not be published: {error}");
     }
 }
 
@@ -431,7 +434,10 @@ impl Connected {
         }
         match done {
             Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => {
-                eprintln!("warning: {}: {error}; its odometry is not published", robot.config().place);
+                print_error_line!(
+                    "warning: {}: {error}; its odometry is not published",
+                    robot.config().place
+                );
                 return Ok(());
             }
             done => done?,

@@ -7,6 +7,22 @@
 //! The wire format is that of rmw_zenoh. `docs/guides/ros2.md` explains topics, services, and what stops motors.
 #![forbid(unsafe_code)]
 
+/// Prints a line on standard output. A line that nobody reads is dropped, because the robot must outlive its readers.
+macro_rules! print_line {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// Prints a line on standard error, as [`print_line`] does on standard output.
+macro_rules! print_error_line {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod config;
 mod hub;
 mod messages;
@@ -31,26 +47,26 @@ use zenoh::Wait;
 const LARGEST_FILE: u64 = 16 << 20;
 
 fn main() -> ExitCode {
-    let mut arguments = std::env::args().skip(1);
-    let outcome = match (arguments.next().as_deref(), arguments.next()) {
-        (Some("--help" | "-h"), None) => {
-            println!(
+    let mut arguments = std::env::args_os().skip(1);
+    let outcome = match (arguments.next(), arguments.next()) {
+        (Some(option), None) if option == "--help" || option == "-h" => {
+            print_line!(
                 "Usage: motor-hub-ros CONFIG.toml\n\nMakes motor hubs nodes of ROS 2; see docs/guides/ros2.md\n\n\
                  Options:\n  -h, --help     Print help\n  -V, --version  Print version"
             );
             Ok(())
         }
-        (Some("--version" | "-V"), None) => {
-            println!("motor-hub-ros {}", env!("CARGO_PKG_VERSION"));
+        (Some(option), None) if option == "--version" || option == "-V" => {
+            print_line!("motor-hub-ros {}", env!("CARGO_PKG_VERSION"));
             Ok(())
         }
-        (Some(path), None) => run(Path::new(path)),
+        (Some(path), None) => run(Path::new(&path)),
         _ => Err("give one argument: the configuration file".to_owned()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            print_error_line!("error: {error}");
             ExitCode::FAILURE
         }
     }
@@ -62,7 +78,7 @@ fn run(path: &Path) -> Result<(), String> {
     let domain = config.domain()?;
     let description = |hub: &config::Hub| hub.robot_description.as_deref().map(read).transpose();
     let descriptions = config.hubs.iter().map(description).collect::<Result<Vec<_>, _>>()?;
-    println!("waits for the router at {}", config.router);
+    print_line!("waits for the router at {}", config.router);
     let session = zenoh::open(settings(&config.router)?).wait().map_err(|error| error.to_string())?;
     // Until here no hub is open, and the first signal ends the program immediately.
     let ends = Arc::new(AtomicBool::new(false));
@@ -72,7 +88,7 @@ fn run(path: &Path) -> Result<(), String> {
             .map_err(|error| error.to_string())?;
         signal_hook::flag::register(signal, ends.clone()).map_err(|error| error.to_string())?;
     }
-    println!("domain {domain}, session {}", session.zid());
+    print_line!("domain {domain}, session {}", session.zid());
 
     let mut graph = Graph::new(&session, domain, config.distribution);
     let mut threads = Vec::new();

@@ -66,7 +66,7 @@ impl Drop for Answer {
         let attachment = Attachment { at: now(), ..self.request };
         let reply = self.query.reply(self.query.key_expr().clone(), messages::answer(success, message));
         if let Err(error) = reply.attachment(attachment.to_bytes()).wait() {
-            eprintln!("warning: a call could not be answered: {error}");
+            print_error_line!("warning: a call could not be answered: {error}");
         }
     }
 }

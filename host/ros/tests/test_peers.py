@@ -327,6 +327,11 @@ class Program(unittest.TestCase):
         usage = self.run_with("--help")
         self.assertEqual((usage.returncode, usage.stdout.splitlines()[0]), (0, "Usage: motor-hub-ros CONFIG.toml"))
 
+    def test_a_path_may_be_no_unicode(self) -> None:
+        ended = subprocess.run([os.environ["MOTOR_HUB_ROS"], b"\xff.toml"], capture_output=True, timeout=10)
+        self.assertEqual(ended.returncode, 1)
+        self.assertIn(b"No such file", ended.stderr)
+
     def test_a_missing_description_of_the_robot_is_named_before_a_router_is_there(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             config = Path(folder, "config.toml")
@@ -335,6 +340,19 @@ class Program(unittest.TestCase):
             ended = self.run_with(str(config))
         self.assertEqual((ended.returncode, ended.stdout), (1, ""))
         self.assertIn("none.urdf: No such file", ended.stderr)
+
+    def test_the_program_outlives_the_readers_of_its_messages(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            config = Path(folder) / "config.toml"
+            config.write_text('[[hub]]\nplace = "127.0.0.1:1"\n')
+            read, write = os.pipe()
+            os.close(read)
+            node = subprocess.Popen([os.environ["MOTOR_HUB_ROS"], str(config)], stdout=write, stderr=write)
+            os.close(write)
+            self.addCleanup(node.wait)
+            self.addCleanup(node.kill)
+            with self.assertRaises(subprocess.TimeoutExpired):
+                node.wait(timeout=2)
 
     def test_one_signal_ends_the_program_that_waits_for_a_router(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
