@@ -192,15 +192,13 @@ def _served() -> list[str]:
         return []
     places = []
     for path in notes:
-        if path.suffix:
-            continue
-        try:
-            with path.open() as note:
+        with suppress(FileNotFoundError), path.open() as note:
+            try:
                 fcntl.flock(note, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except FileNotFoundError:
-            continue
-        except BlockingIOError:
-            places.append(path.read_text().strip().partition(" ")[2].strip())
+            except BlockingIOError:
+                # A note that was just made is locked, and still empty.
+                if place := note.read().partition(" ")[2].strip():
+                    places.append(place)
     return places
 
 

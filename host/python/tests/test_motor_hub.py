@@ -2,6 +2,7 @@
 
 import ast
 import asyncio
+import fcntl
 import gc
 import json
 import os
@@ -526,6 +527,14 @@ class WithoutAnAddress(unittest.TestCase):
             connect()
         second.close()
         self.assertEqual(connect().address, 2)
+
+    def test_a_note_that_is_being_made_is_no_hub(self) -> None:
+        folder = Path(os.environ["XDG_RUNTIME_DIR"], "motor-hub")
+        folder.mkdir(mode=0o700)
+        with (folder / "1").open("w") as note:
+            fcntl.flock(note, fcntl.LOCK_EX)
+            with self.assertRaisesRegex(Unreachable, "there is no USB serial port, and this user serves no hub"):
+                connect()
 
     def test_a_hub_on_a_usb_port_is_found_beside_a_port_without_hub(self) -> None:
         served = self.serve()
