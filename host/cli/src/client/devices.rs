@@ -105,7 +105,7 @@ pub(super) struct ServoOptions {
     #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
     /// JSON instead of a table
-    #[arg(long)]
+    #[arg(long, conflicts_with = "width")]
     json: bool,
 }
 
@@ -182,7 +182,7 @@ pub(super) struct DigitalOptions {
     #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
     /// JSON instead of a table
-    #[arg(long)]
+    #[arg(long, conflicts_with = "high")]
     json: bool,
 }
 

@@ -118,6 +118,8 @@ client servo 0 0 | a pulse is a whole number from 1 to 65535 us
 client servo 0 25000 | a pulse of 25000 us is longer than its period of 20000 us; allowed are 1 to 20000 us
 client servo 0 1500 --period-us 1000 | allowed are 1 to 1000 us, or a longer --period-us
 client digital 8 | a digital pin is 0 to 7
+client servo 0 1500 --json | the argument '[US]' cannot be used with '--json'
+client digital 0 high --json | the argument '[LEVEL]' cannot be used with '--json'
 client i2c read 4 0x28 | an I2C bus is 0 to 3
 client update /dev/zero | /dev/zero: more than 67108864 bytes
 eval /dev/zero | /dev/zero: more than 67108864 bytes
