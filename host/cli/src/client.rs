@@ -40,10 +40,10 @@ use studies::table;
 /// the motor: 3:0 is motor 0 of the hub at address 3.
 ///
 /// A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C,
-/// SIGTERM, SIGQUIT or SIGHUP (closed terminal). Ctrl-Z also ends the command, instead of suspending it. Unless the
-/// command ended normally, standard error names the motors that it has disabled. After SIGKILL, and after the console
-/// window of Windows is closed, the hub receives nothing more, and disables all motors after its keep-alive timeout
-/// of 2.5 s. `stop` disables all motors immediately.
+/// SIGTERM, SIGQUIT or SIGHUP (closed terminal, unless `nohup` has started the command). Ctrl-Z also ends the command,
+/// instead of suspending it. Unless the command ended normally, standard error names the motors that it has disabled.
+/// After SIGKILL, and after the console window of Windows is closed, the hub receives nothing more, and disables all
+/// motors after its keep-alive timeout of 2.5 s. `stop` disables all motors immediately.
 ///
 /// Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors
 /// that it finds enabled, and names these motors on standard error. A line has one host at a time, so the host that

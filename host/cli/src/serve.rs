@@ -4,7 +4,7 @@
 mod link;
 mod notices;
 
-use crate::client::interrupt::SIGNALS;
+use crate::client::interrupt::{SIGNALS, is_ignored};
 use crate::output::{Failure, print, print_error_line};
 use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
@@ -247,7 +247,7 @@ fn leave_note(place: &str) -> Option<ServedHubFile> {
 /// Returns a flag that each of the [`SIGNALS`] sets. The reader of the flag then ends the program in good order.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
-    for (signal, _) in SIGNALS {
+    for (signal, _) in SIGNALS.iter().filter(|(signal, _)| !is_ignored(*signal)) {
         register(*signal, Arc::clone(&stopped))
             .map_err(|error| Failure::Work(format!("no handler for Ctrl-C could be installed: {error}")))?;
     }

@@ -44,10 +44,25 @@ const FORCED_EXIT_AFTER: Duration = Duration::from_secs(3);
 /// Name of the first signal received.
 static RECEIVED_SIGNAL: OnceLock<&str> = OnceLock::new();
 
+/// True for SIGHUP if this program was started to outlive its terminal, as by `nohup`. Only Linux reports that.
+#[cfg(unix)]
+pub(crate) fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    signal == SIGHUP && ignored.is_some_and(|mask| mask & 1 << (SIGHUP - 1) != 0)
+}
+
+#[cfg(not(unix))]
+pub(crate) const fn is_ignored(_: i32) -> bool {
+    false
+}
+
 /// Makes signals end the command in good order instead of ending the program. A command calls this function once.
 pub(super) fn listen() -> Result<(), Failure> {
     let raised = Arc::new(AtomicUsize::new(0));
-    for (number, (signal, _)) in (1..).zip(SIGNALS.iter().chain(SUSPENDS)) {
+    let signals = (1..).zip(SIGNALS.iter().chain(SUSPENDS));
+    for (number, (signal, _)) in signals.filter(|(_, (signal, _))| !is_ignored(*signal)) {
         register_usize(*signal, Arc::clone(&raised), number)
             .map_err(|error| Failure::Work(format!("no handler for signals could be installed: {error}")))?;
     }

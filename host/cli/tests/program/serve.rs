@@ -5,7 +5,8 @@ use crate::common::{
     wait_for,
 };
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
-use std::process::{Command, Output};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Runs `serve` to its end.
@@ -41,7 +42,7 @@ fn requests_before_the_end_of_a_connection_are_executed() {
 
 #[test]
 fn a_second_host_is_disconnected_and_the_first_goes_on() {
-    use std::io::{BufRead, Read};
+    use std::io::Read;
     let (mut hub, mut says) = Hub::start_heard(&notes());
     let mut first = hub.tcp();
     drive(&mut first);
@@ -61,6 +62,26 @@ fn a_second_host_is_disconnected_and_the_first_goes_on() {
     is_rejected();
     signal(hub.id(), "-TERM");
     assert!(hub.wait().success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hub_and_a_drive_that_nohup_starts_outlive_their_terminal() {
+    let start = |arguments: &[&str]| {
+        let mut command = Command::new("nohup");
+        command.arg(PROGRAM).args(arguments).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut process = command.spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+        (process, line)
+    };
+    let (mut hub, place) = start(&["serve", "--tcp", "127.0.0.1:0"]);
+    signal(hub.id(), "-HUP");
+    let (mut drive, _) = start(&["client", "--tcp", place.trim(), "power", "0", "0.2", "--for-s", "0.5"]);
+    signal(drive.id(), "-HUP");
+    assert!(drive.wait().unwrap().success());
+    signal(hub.id(), "-TERM");
+    assert!(hub.wait().unwrap().success());
 }
 
 #[test]
@@ -121,7 +142,7 @@ fn a_link_exists_once_the_hub_has_started() {
     let mut process = Command::new(PROGRAM)
         .args(["serve", "--pty", "--scenario", &file, "--link"])
         .arg(&link)
-        .stdout(std::process::Stdio::null())
+        .stdout(Stdio::null())
         .spawn()
         .unwrap();
     wait_for("the link", || link.exists().then_some(()));
