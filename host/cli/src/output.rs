@@ -163,7 +163,13 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         // A device or a pipe cannot be replaced.
         Ok(old) if !old.is_file() => fs::write(old, bytes),
         // A symbolic link stays, and the file is replaced that it names.
-        Ok(old) => replace(&old, bytes),
+        Ok(old) => replace(&old, bytes).or_else(|error| match error.kind() {
+            // The folder takes no second file, or the file is a mount of its own.
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::ResourceBusy => {
+                fs::write(old, bytes)
+            }
+            _ => Err(error),
+        }),
         Err(_) => fs::write(path, bytes),
     };
     written.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))
