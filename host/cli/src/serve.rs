@@ -174,20 +174,21 @@ impl Options {
                 // The link is created and the place is printed once motors can be enabled, or after AWAKE_S if the battery
                 // prevents that. A host that opens the port earlier gets no answer.
                 if awake || at_s > AWAKE_S {
-                    if let Some(place) = place.take() {
-                        #[cfg(unix)]
-                        let link = self.link.as_ref().map(|path| link::Link::new(path, &port)).transpose();
-                        #[cfg(unix)]
-                        let linked = link.map(|link| _link = link);
-                        #[cfg(not(unix))]
-                        let linked = Ok(());
-                        printed = linked.and_then(|()| print(&place));
-                    }
+                    let place = place.take();
                     #[cfg(unix)]
-                    if let Some(note) =
-                        note.get_or_insert_with(|| bar.suspend(|| leave_note(&absolute_place)))
                     {
-                        note.set_has_host(taken);
+                        if place.is_some() {
+                            let link =
+                                self.link.as_ref().map(|path| link::Link::new(path, &port)).transpose();
+                            printed = link.map(|link| _link = link);
+                        }
+                        let leave = || bar.suspend(|| leave_note(&absolute_place));
+                        if let Some(note) = note.get_or_insert_with(leave) {
+                            note.set_has_host(taken);
+                        }
+                    }
+                    if let Some(place) = place.filter(|_| printed.is_ok()) {
+                        printed = print(&place);
                     }
                 }
                 if at_s > shown_s && !bar.is_hidden() {

@@ -352,6 +352,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let link = link.to_str().unwrap();
     let (tcp, mut says) = Hub::start_heard(&notes);
     let place = tcp.place.clone();
+    assert_eq!(left(), 1, "a hub whose place is printed is found");
     let mut pty = Hub::start_in(&notes, &["--pty", "--link", link], Stdio::inherit());
     let rows = |place: &str, more: &[&str]| -> Vec<String> {
         let found = out(&scan(&notes, more));
