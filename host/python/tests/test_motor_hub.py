@@ -31,12 +31,6 @@ class Served:
         assert self.process.stdout is not None
         self.place = self.process.stdout.readline().strip()
 
-    def found(self) -> "Served":
-        """Waits until the hub has left its note."""
-        while self.place not in motor_hub._served():
-            time.sleep(0.01)
-        return self
-
     def close(self) -> None:
         self.process.kill()
         self.process.wait()
@@ -510,7 +504,7 @@ class WithoutAnAddress(unittest.TestCase):
     def serve(self) -> Served:
         served = Served()
         self.addCleanup(served.close)
-        return served.found()
+        return served
 
     def test_the_only_hub_is_found_and_of_two_hubs_none_is_chosen(self) -> None:
         with self.assertRaisesRegex(Unreachable, "no hub is found: there is no USB serial port"):
@@ -653,7 +647,6 @@ class Documents(unittest.TestCase):
         make_own_notes(self)
         served = Served()
         self.addCleanup(served.close)
-        served.found()
         path = Path(__file__).parent.parent / "examples" / "first-motion.ipynb"
         cells = [cell["source"] for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
         source = "\n".join("".join(cell) + "\n" for cell in cells)
