@@ -21,7 +21,8 @@
 //! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain.
 //! * *Least gain*: a lower bound of the gain. The regulator has a least gain if the dynamics are configured, or if the
 //!   estimated gain shows that the motor is heavy.
-//! * *Toggle*: a single count or a count back, as of a shaft that rests on an edge of the encoder.
+//! * *Toggle*: a change of the position that stays within a dead band of one count to either side of a centre (see
+//!   `last_motion`). A shaft that rests on an edge of the encoder toggles.
 //! * *Motion*: a change of the position that is no toggle.
 //! * *Steady run*: motions in one direction for 200 ms or more, see `last_motion`.
 //! * *Silence*: the time without a motion in Watching, while the requested speed is 40 counts/s or more.
@@ -55,8 +56,8 @@
 //! * *RunningAway*: the bridge is at the largest reverse. Nevertheless the motor turns in the wrong direction, or at
 //!   least twice as fast as requested. A motor with a working encoder becomes slower, unless its load exceeds the
 //!   stall torque. If the motor does not become slower, its encoder is reversed.
-//! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until the motor is
-//!   disabled or in fail-safe.
+//! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until its
+//!   set-point is disabled or fail-safe.
 //!
 //! An examination ends when a set-point of another kind or direction arrives, and at a tick without regulation. The
 //! state is then Watching.
@@ -155,8 +156,8 @@ pub(super) struct EncoderCheck {
 
 /// Limits of the state Watching.
 impl EncoderCheck {
-    /// Shortest silence that is checked, in µs. A motor with a later motion counts as turning. Chosen: a motor with a
-    /// working encoder and at least 100 counts/s is not checked.
+    /// Shortest silence that is checked, in µs. During a shorter silence the motor counts as turning. Chosen: a motor
+    /// with a working encoder and at least 100 counts/s is not checked.
     const QUIET_US: u32 = 10_000;
     /// Largest ratio of the speed before the silence to the requested speed. Up to this ratio the silence is checked as
     /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest. Chosen.
@@ -171,9 +172,10 @@ impl EncoderCheck {
     /// Time-out, in ms, of a motor to which neither of the two longer time-outs applies. At a control period of 50 ms
     /// the time-out is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
     const TIME_OUT_MS: u32 = 140;
-    /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
-    /// times in the silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a
-    /// fault is found within the 1 s of the table. A motor that has toggled has a probe of 2 s.
+    /// Time-out, in ms, of a motor that last turned in the other direction, or was first driven in the other direction
+    /// and has not turned yet. Also the time-out of a motor whose encoder has toggled one to three times in the
+    /// silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a fault is found
+    /// within the 1 s of the table. A motor that has toggled has a probe of 2 s.
     const HEAVY_TIME_OUT_MS: u32 = 800;
     /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. A count
     /// of such a motor may take long: its encoder is behind the gear, or its rotor is heavy.
@@ -294,14 +296,15 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
-    // The first step reaches back to the last motion, by a period and `QUIET_US` at most.
+    // The first tick of a silence adds the time since the last motion, but at most a period and `QUIET_US`. Each later
+    // tick adds a period.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
     // A motor that brakes may come to rest, so its silence is checked as from rest. The motor brakes if it was much
-    // faster than requested. It also brakes if the estimated load would drive it with more than the stall torque,
-    // because this estimate is wrong.
+    // faster than requested. No load can drive a motor at a steady speed with more than the stall torque. If the
+    // estimated load seems to do so, the estimate is wrong, and the motor is braking.
     let run = last_motion.steady(clockwise).filter(|run| {
         run.speed_cps <= EncoderCheck::SPEED_RATIO * requested
             && run.resisting_volts(tick) >= -Expected::LARGEST_DRIVING_VOLTS
@@ -376,7 +379,7 @@ impl Suspect {
     /// stalled. Also the longest [extension](Runaway::extension_ms) of a span in RunningAway. Chosen.
     const LONGEST_MS: u32 = 2_000;
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. A
-    /// single count is no motion, because a shaft that trembles on an edge of the encoder sends single counts too.
+    /// toggle is no motion, because a shaft that trembles on an edge of the encoder toggles too.
     const COUNTS: f32 = 2.0;
     /// Requested drive voltage of the probe, before limits, as a share of the battery voltage. Chosen.
     const DRIVE_SHARE: f32 = 0.9;
