@@ -3,10 +3,10 @@
 //! The observer predicts the position of the shaft with a gain b. theta is the relative error of b: the true gain is
 //! b (1 + theta). The predicted position is linear in b, so the error of the prediction is s theta. s is the
 //! *sensitivity* of the predicted position: its change per relative change of b. The sensitivity is predicted with the
-//! motor's equation of motion, as the observer's state is, but the accelerating voltage (the voltage across the motor
-//! less its back EMF) drives it alone. Each correction of the observer removes a part of the error of the prediction,
-//! and the same part of s. So the error e of a correction is a measurement of theta, with the Kalman gain k and the
-//! variance r of the noise:
+//! motor's equation of motion, as the observer's state is. The only input of this equation is the accelerating voltage:
+//! the voltage across the motor less its back EMF. Each correction of the observer removes a part of the error of the
+//! prediction, and the same part of s. So the error e of a correction is a measurement of theta, with the Kalman gain k
+//! and the variance r of the noise:
 //!
 //! ```text
 //! e = s theta + noise        k = P s / (s² P + r)        theta += k (e - s theta)        P -= k s P
@@ -30,8 +30,8 @@ const SHORTEST_TIME_CONSTANT_S: f32 = 0.01;
 const LONGEST_TIME_CONSTANT_S: f32 = 30.0;
 /// Variance of theta for the initial guess. The standard deviation is as large as the guess.
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance per second while corrections show the gain, up to [`GUESS_VARIANCE`], because windings warm up
-/// and loads change. Measured with the program `survey`, which simulates random motors: with 0.08 to 0.13 fewer
+/// Growth of the variance per second while corrections show the gain, up to [`GUESS_VARIANCE`], because windings warm
+/// up and loads change. Measured with the program `survey`, which simulates random motors: with 0.08 to 0.13 fewer
 /// responses never settle than with 0.03. With 0.12 a broken wire of a motor with a heavy flywheel is known after
 /// 268 ms, and 250 ms are allowed.
 const VARIANCE_PER_SECOND: f32 = 0.11;
@@ -165,8 +165,8 @@ impl GainEstimate {
     }
 
     /// Multiplies the estimated gain by a factor, because the speed swings with the present gain. The variance of
-    /// theta stays. Corrections then do not update theta until [`update_again`](Self::update_again), or until the estimate returns
-    /// to the initial guess.
+    /// theta stays. Corrections then do not update theta until [`update_again`](Self::update_again), or until the
+    /// estimate returns to the initial guess.
     pub(super) fn multiply(&mut self, factor: f32) {
         self.theta = factor * (1.0 + self.theta) - 1.0;
         self.is_fixed = true;
