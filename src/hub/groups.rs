@@ -7,14 +7,15 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *ready* if its encoder reading and the battery voltage are fresh, and if it has no latched fault. A group
-//! that started with a member at fault would drive its other members for a tick, until the member is lost.
+//! A member is *ready* if its encoder reading and the battery voltage are fresh, and if it has no latched fault. A
+//! group that started with a member at fault would drive its other members for a tick, until the member is lost.
 //!
 //! A member of a moving group is *lost* when it has a fault, gets a set-point of its own, which may be disabled or
-//! fail-safe, or joins another group. The other members are disabled (they coast) if the lost member was disabled or
-//! put into fail-safe, or if the group's setting is [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on
-//! their course. A group stays `Moving` after the end of its course, and holds the positions of its members. A command
-//! for exactly the members of a moving group changes its course.
+//! fail-safe, or joins another group. Also lost are the wheels of a drive base that is configured, replaced or removed.
+//! The other members are disabled (they coast) if the lost member was disabled or put into fail-safe, or if the group's
+//! setting is [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on their course. A group stays `Moving` after
+//! the end of its course, and holds the positions of its members. A command for exactly the members of a moving group
+//! changes its course, unless the group has lost a member.
 
 use super::base::Base;
 use crate::group::{Group, GroupCommand, Halt, MOTORS, for_motors};
@@ -63,8 +64,8 @@ impl<const N: usize> Groups<N> {
     /// Changes the course of the moving group that started with exactly the members of `command`, and has lost none. If
     /// there is no such group, each member leaves its old group, and a new group waits to start. The other members of
     /// the old groups halt according to the setting of their group. A group that has lost members does not continue
-    /// with a new course, even if its remaining members are the members of `command`: a wheel that is left of a drive
-    /// base would keep its correction by the gyro, which a new group of one wheel does not have.
+    /// with a new course, even if its remaining members are the members of `command`: after one wheel of a drive base
+    /// is lost, the remaining wheel keeps its correction by the gyro. A new group of one wheel has no correction.
     ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
@@ -126,7 +127,7 @@ impl<const N: usize> Groups<N> {
             }
             let ended = match state {
                 ActiveGroup::Waiting(command) => {
-                    // The members still have the set-points from before the command of this group.
+                    // Without a tick since the command of this group, the members may have their old set-points.
                     let setpoint = match halt.unwrap_or(command.halt) {
                         Halt::Stop => Setpoint::Velocity(CountsPerSecond::ZERO),
                         Halt::Coast => Setpoint::Disabled,
@@ -151,8 +152,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members are all ready. Sets the set-points of all members of moving groups for
-    /// this tick. `has_battery` is true if the battery voltage is fresh. Groups are computed in corrected positions: the corrections by the gyro are subtracted from the
-    /// encoder positions, and added to the set-points.
+    /// this tick. `has_battery` is true if the battery voltage is fresh. Groups are computed in corrected positions:
+    /// the corrections by the gyro are subtracted from the encoder positions, and added to the set-points.
     pub(super) fn step(
         &mut self,
         now: Micros,
@@ -222,7 +223,7 @@ impl<const N: usize> Groups<N> {
             }
             let staying = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
-            // A group that has lost a member stops before its end positions, so it never settles.
+            // A group that has lost a member usually stops before its end positions, so it never counts as settled.
             let within_tolerance = staying == *started_with
                 && group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
             let settled = settle_detector.step(within_tolerance, fastest(&staying, reports), period);
