@@ -197,7 +197,8 @@ impl Chain {
     }
 }
 
-/// The enabled motors of a hub, and whether one of them has a fault.
+/// The enabled motors of a hub, and whether one of them has a fault. The faults of a hub of another maker are not asked
+/// for.
 fn query_running(session: &mut Session) -> Result<(Vec<u8>, bool), Error> {
     if let Some(report) = session.report()? {
         let motors = || (0..).zip(&report.motors).filter(|(_, motor)| motor.enabled);
