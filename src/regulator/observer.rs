@@ -32,9 +32,10 @@
 //! stand, a correction without a count has the small gains of one sample, and does not reset the time t of the next
 //! paragraph.
 //!
-//! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
-//! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
-//! poles. So a motor at 5 counts/s is estimated as reliably as a motor at 5000 counts/s:
+//! The gains follow from the time t since the last correction, so a motor at 5 counts/s is estimated as reliably as a
+//! motor at 5000 counts/s. They are the gains of a filter with three equal poles at z, which is `exp(-wo t)` but not
+//! less than the *least z*. The rate wo and the least z depend on the control period. A motor with a small gain b has a
+//! smaller wo:
 //!
 //! ```text
 //! z = max(least z, exp(-wo t))
@@ -58,8 +59,8 @@ const LATE_COUNTS: f32 = 1.0;
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
 /// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors
-/// swing unless discontinuous currents are distinguished. At a shorter period the distinction improves little, and an
-/// impact on an unknown motor is then taken for a large inertia (decision 32).
+/// swing unless discontinuous currents are distinguished. At a shorter period the distinction improves little. With the
+/// distinction, the estimate of an unknown motor would take an impact for a large inertia (decision 32).
 const CONTINUOUS_PERIOD_MS: u32 = 20;
 
 /// The motor's constants as the observer uses them.
@@ -91,8 +92,9 @@ impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
         // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower.
-        // A load is then estimated sooner, but a slow motion becomes less smooth. While the motor holds a position, z
-        // is higher: otherwise each count would change the load so much that the position swings by two counts.
+        // A load is then estimated sooner, but a slow motion becomes less smooth. While no speed is demanded, the
+        // least z at a long period is higher. Otherwise each count would change the load so much that a held position
+        // swings by two counts.
         let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
             0..=20 => (45.0, 0.35, 0.35),
             21..=50 => (42.0, 0.35, 0.35),
@@ -157,7 +159,8 @@ impl SampleResponse {
 /// A correction of the state: an error of the predicted position, and the gains that correct the state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Correction {
-    /// True position less predicted position, in counts.
+    /// Nearest possible position less predicted position, in counts. The possible positions are the interval of the
+    /// sample.
     pub(super) error: f32,
     /// Time in which the error arose, in s: since the last correction, or one sample.
     pub(super) age_s: f32,
@@ -391,7 +394,7 @@ impl Observer {
     }
 
     /// Notes whether a speed is demanded from now on. False for a position or a reference, for a motor that holds its
-    /// position at the demanded speed 0, and while the bridge is open.
+    /// position at the demanded speed 0, without regulation, and while the bridge is open.
     pub(super) const fn set_speed_demanded(&mut self, speed_demanded: bool) {
         self.speed_demanded = speed_demanded;
     }
