@@ -18,26 +18,27 @@ use crate::units::single::at_most;
 use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
-/// Largest voltage whose acceleration brakes the motor before a target position, in V.
+/// Largest voltage with which the motor is assumed to brake before a target position, in V. The speed limit at each
+/// distance follows from this voltage.
 const BRAKING_VOLTS: f32 = 5.5;
-/// Share of the largest voltage at standstill that brakes the motor before a target position, if this share is lower
-/// than [`BRAKING_VOLTS`].
+/// Share of the largest voltage at standstill with which the motor is assumed to brake, if this share is lower than
+/// [`BRAKING_VOLTS`].
 const LIMITED_SHARE: f32 = 0.85;
 
-/// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop
-/// without I has no integral to set.
+/// How the velocity loop begins at the next step. Except for [`Running`](Self::Running), the integral is set so that
+/// the output begins with a certain voltage, and D is 0 at this step. A loop without I has no integral to set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Start {
     /// The loop continues with its integral.
     Running,
-    /// At an error of 0 the output gives the current that balances the load. With an error, P, F and D add to this
+    /// At an error of 0 the output gives the current that balances the load. With an error, P, I and F add to this
     /// output.
     #[default]
     Resume,
-    /// At an error of 0 the output gives a current of zero. With an error, P, F and D add to this output.
+    /// At an error of 0 the output gives a current of zero. With an error, P, I and F add to this output.
     ZeroCurrent,
-    /// The whole output, with P and F, keeps the present voltage, and D is 0 at this step, because coefficients, scheme
-    /// or constants have changed while the bridge was closed.
+    /// The output with P and F keeps the present voltage, because coefficients, scheme or constants have changed while
+    /// the bridge was closed. If P and F alone exceed this voltage in its direction, the output exceeds this voltage.
     Continue,
 }
 
@@ -63,7 +64,7 @@ pub(super) struct Inputs<'a> {
     pub(super) velocity: CountsPerSecond,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
-    /// Voltage with which the velocity loop begins; `None` if the loop continues.
+    /// Voltage with which the velocity loop begins; `None` for [`Start::Running`].
     pub(super) start: Option<Voltage>,
 }
 
