@@ -99,7 +99,7 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 pub struct Motor {
     /// Settings in force. They differ from the configured settings if `configured` has corrected winding and dynamics.
     settings: Settings,
-    /// Configured constants, and their corrections for a warm motor.
+    /// Configured constants, and their corrections for a warm motor and for a speed that hunts.
     configured: Configured,
     /// Converts voltages and control values to commands of the bridge, as configured.
     modulator: Modulator,
@@ -116,7 +116,8 @@ pub struct Motor {
     identification: Identification,
     /// Last motion of the shaft. The encoder check reads this state.
     last_motion: LastMotion,
-    /// Fault that the encoder check has found. The fault is latched until the motor is disabled or in fail-safe.
+    /// Fault that the encoder check has found. The fault is latched until the set-point is [`Setpoint::Disabled`] or
+    /// [`Setpoint::FailSafe`].
     encoder_fault: Option<EncoderFault>,
     settle_detector: SettleDetector,
     thermal: Thermal,
@@ -128,7 +129,8 @@ pub struct Motor {
     /// True if the last tick had a fresh reading of an encoder without a fault. Only then is the modelled current
     /// compared with the current-sense line.
     speed_known: bool,
-    /// True if the bridge has reported a fault. The fault is latched until the motor is disabled or in fail-safe.
+    /// True if the bridge has reported a fault. The fault is latched until the set-point is
+    /// [`Setpoint::Disabled`] or [`Setpoint::FailSafe`].
     bridge_fault: bool,
 }
 
@@ -136,7 +138,7 @@ pub struct Motor {
 ///
 /// ```text
 /// OpenLoop ◀── set-point ──▶ Regulated ◀── set-point ──▶ Identifying
-///    ▲ ▲                                                    │  │
+///    ▲ ▲                                                    ▲  │
 ///    │ └──────────────────── set-point ─────────────────────┘  │
 ///    └────────────────── the identification has ended ─────────┘
 /// ```
@@ -263,7 +265,7 @@ impl Motor {
     /// tick, or between ticks with a direct set-point. A back EMF constant that was lowered because the speed hunted
     /// stays in force if the new settings have the same back EMF constant and the same dynamics as the old settings.
     pub fn configure(&mut self, settings: Settings) {
-        // The temperatures to which new dynamics belong are computed with the new thermal limit.
+        // New dynamics belong to the present temperatures. The new thermal limit gives these temperatures.
         self.follow_temperatures(settings.thermal);
         self.configured.configure(&settings);
         let settings = self.configured.in_force(&settings);
