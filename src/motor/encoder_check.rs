@@ -1,7 +1,7 @@
 //! Checks the encoder of a regulated motor by drive voltage and counts. With an encoder that is unplugged or reversed,
 //! a regulated motor runs away.
 //!
-//! The diagram shows the main transitions. The text below the terms names all transitions.
+//! The diagram shows the main transitions. The text below the terms has further transitions.
 //!
 //! ```text
 //!               largest reverse, wrong speed                free, or reversed request
@@ -177,8 +177,8 @@ impl EncoderCheck {
     /// silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a fault is found
     /// within the 1 s of the table. A motor that has toggled has a probe of 2 s.
     const HEAVY_TIME_OUT_MS: u32 = 800;
-    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. A count
-    /// of such a motor may take long: its encoder is behind the gear, or its rotor is heavy.
+    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
+    /// of such a motor has few lines or is behind the gear, so its first count from rest may take long.
     const SLOW_COUNTING_EMF_VOLTS_PER_CPS: f32 = 0.012;
     /// Time-out of a slow-counting motor, in ms. Chosen: a fault is found within the 4 s of the table.
     const SLOW_COUNTING_TIME_OUT_MS: u32 = 3_000;
@@ -394,14 +394,14 @@ impl Suspect {
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
-        // `volts` is the load of the run plus the uncertainty. A motor from rest may have the heaviest friction.
+        // `volts` is the largest resisting torque of the run. A motor from rest may have the heaviest friction.
         let resisting_volts = run.map_or(Expected::FRICTION_VOLTS, |run| {
             let volts = run.resisting_volts(tick);
             if volts > Expected::UNCERTAINTY_VOLTS {
                 // The load resisted the run. The probe turns in the other direction, so it meets no larger resistance.
                 Expected::FRICTION_VOLTS.min(volts + Expected::UNCERTAINTY_VOLTS)
             } else {
-                // The load drove the motor, so it resists the probe: `Expected::UNCERTAINTY_VOLTS - volts`.
+                // The load drove the motor, so it resists the probe. The uncertainty is added to its torque once more.
                 Expected::FRICTION_VOLTS.max(2.0 * Expected::UNCERTAINTY_VOLTS - volts)
             }
         });

@@ -101,7 +101,7 @@ pub struct Motor {
     settings: Settings,
     /// Configured constants, and their corrections for a warm motor and for a speed that hunts.
     configured: Configured,
-    /// Converts voltages and control values to commands of the bridge, as configured.
+    /// Converts voltages and control values to commands of the bridge, with the constants in force.
     modulator: Modulator,
     /// Time between two ticks.
     period: Period,
@@ -153,8 +153,8 @@ enum MotorState {
     /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state
     /// after an identification.
     OpenLoop,
-    /// The set-point is a speed, a position or a reference of a group. The regulator drives the motor, unless a fault,
-    /// or [`ZeroPower::Float`] at speed 0, opens the bridge or brakes. The encoder is checked.
+    /// The set-point is a speed, a position or a reference of a group. The regulator drives the motor, or the
+    /// encoder check during an examination. A fault, and [`ZeroPower::Float`] at speed 0, open the bridge or brake.
     Regulated(EncoderCheck),
     /// An identification drives the motor. The identification checks the encoder itself.
     Identifying(Identifier),
@@ -265,7 +265,7 @@ impl Motor {
     /// tick, or between ticks with a direct set-point. A back EMF constant that was lowered because the speed hunted
     /// stays in force if the new settings have the same back EMF constant and the same dynamics as the old settings.
     pub fn configure(&mut self, settings: Settings) {
-        // New dynamics belong to the present temperatures. The new thermal limit gives these temperatures.
+        // New dynamics are valid at the present temperatures, which are computed with the new thermal limit.
         self.follow_temperatures(settings.thermal);
         self.configured.configure(&settings);
         let settings = self.configured.in_force(&settings);

@@ -31,11 +31,11 @@ const LIMITED_SHARE: f32 = 0.85;
 pub(super) enum Start {
     /// The loop continues with its integral.
     Running,
-    /// At an error of 0 the output gives the current that balances the load. With an error, P, I and F add to this
-    /// output.
+    /// At an error of 0 the output gives the current that balances the load. With an error, P, I and F times the
+    /// error add to this output.
     #[default]
     Resume,
-    /// At an error of 0 the output gives a current of zero. With an error, P, I and F add to this output.
+    /// At an error of 0 the output gives a current of zero. With an error, P, I and F times the error add to it.
     ZeroCurrent,
     /// The output with P and F keeps the present voltage, because coefficients, scheme or constants have changed while
     /// the bridge was closed. If P and F alone exceed this voltage in its direction, the output exceeds this voltage.
@@ -62,7 +62,7 @@ pub(super) struct Inputs<'a> {
     pub(super) position: i32,
     /// Estimated speed.
     pub(super) velocity: CountsPerSecond,
-    /// Acceleration per volt, in counts/s².
+    /// Acceleration per volt, in counts/s² per V.
     pub(super) gain: f32,
     /// Voltage with which the velocity loop begins; `None` for [`Start::Running`].
     pub(super) start: Option<Voltage>,

@@ -59,8 +59,8 @@ const LATE_COUNTS: f32 = 1.0;
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
 /// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors
-/// swing unless discontinuous currents are distinguished. At a shorter period the distinction improves little. With the
-/// distinction, the estimate of an unknown motor would take an impact for a large inertia (decision 32).
+/// swing unless discontinuous currents are distinguished. At a shorter period the distinction improves little. At 1 ms
+/// the distinction would let the estimate of an unknown motor take an impact for a large inertia (decision 32).
 const CONTINUOUS_PERIOD_MS: u32 = 20;
 
 /// The motor's constants as the observer uses them.
@@ -426,7 +426,7 @@ impl Observer {
         self.d += by.load;
     }
 
-    /// Sets the load to 0, because the motor no longer presses against its stop.
+    /// Sets the load to 0: the motor has left its stop, or there has been no sample for some time.
     pub(super) fn forget_load(&mut self) {
         self.d = 0.0;
     }

@@ -30,8 +30,8 @@ impl Coefficients {
     /// suggested coefficients.
     ///
     /// F of the velocity loop gives the voltage that balances the back EMF of the target speed, on a battery of 12 V.
-    /// Of all pairs of P and I that were tried, only P of 25 % and I of 10 % of F held all 144 positions of a test
-    /// (decision 34). The position loop has only P.
+    /// Of all pairs of P and I that were tried, only P of 25 % and I of 10 % of F passed all 144 cells of a test
+    /// with four motors each (decision 34). The position loop has only P.
     pub fn suggested(emf: EmfConstant) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let [p, i, f] = [P_SHARE * f, I_SHARE * f, f].map(coefficient);
