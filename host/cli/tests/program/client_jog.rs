@@ -80,8 +80,10 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
     // Without a key the motor stops long before this pause is over.
     sleep(Duration::from_millis(1500));
     // Another motor turns backward, and is disabled while it turns.
-    terminal.keys("2j");
-    sleep(Duration::from_millis(200));
+    for _ in 0..5 {
+        terminal.keys("2j");
+        sleep(Duration::from_millis(100));
+    }
     terminal.keys(" q");
     assert!(terminal.end().0.success());
     let motors = motors(&hub);
