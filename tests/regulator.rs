@@ -256,14 +256,20 @@ fn a_motor_that_held_a_load_before_it_was_disabled_starts_as_fast_in_both_direct
     }
 }
 
+/// A NeveRest 60 with three rotors' inertia that gets the set-point of speed 0 while it turns at this speed.
+fn braking(cps: i32, friction_mv: u16, period_ms: u32) -> Bench<1> {
+    let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), friction_mv, period_ms);
+    bench.set(0, velocity(cps));
+    bench.run_ms(1_500);
+    bench.set(0, velocity(0));
+    bench
+}
+
 #[test]
 fn a_motor_that_meets_a_stop_while_it_brakes_to_speed_0_does_not_press_against_the_stop() {
     for (period_ms, cps) in [1, 10, 50, 100].into_iter().flat_map(|ms| [500, -2_300].map(|cps| (ms, cps))) {
         for counts in (2..200).step_by(12) {
-            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 300, period_ms);
-            bench.set(0, velocity(cps));
-            bench.run_ms(1_500);
-            bench.set(0, velocity(0));
+            let mut bench = braking(cps, 300, period_ms);
             let (stop, counts) = (bench.counts(0), f64::from(counts));
             bench.axes[0].stops =
                 if cps > 0 { (f64::NEG_INFINITY, stop + counts) } else { (stop - counts, f64::INFINITY) };
@@ -281,10 +287,7 @@ fn a_motor_that_meets_a_stop_while_it_brakes_to_speed_0_does_not_press_against_t
 fn a_motor_whose_encoder_is_lost_while_it_brakes_to_speed_0_turns_on_slowly_at_most() {
     for period_ms in [1, 10, 50] {
         for unplugged_ms in (0..=150).step_by(10) {
-            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 300, period_ms);
-            bench.set(0, velocity(2_300));
-            bench.run_ms(1_500);
-            bench.set(0, velocity(0));
+            let mut bench = braking(2_300, 300, period_ms);
             bench.run_ms(unplugged_ms);
             bench.axes[0].cable = Cable::Unplugged;
             bench.run_ms(3_000);
@@ -303,10 +306,7 @@ fn a_load_that_begins_while_a_motor_brakes_to_speed_0_turns_it_back_by_little() 
     let most_counts = 0.03 * neverest_60().counts_per_rev_output();
     for period_ms in [1, 10, 50, 100] {
         for begins_ms in (0..=240).step_by(20) {
-            let mut bench = with_friction(neverest_60(), rotors(&neverest_60(), 3.0), 0, period_ms);
-            bench.set(0, velocity(1_200));
-            bench.run_ms(1_500);
-            bench.set(0, velocity(0));
+            let mut bench = braking(1_200, 0, period_ms);
             bench.run_ms(begins_ms);
             bench.axes[0].torque = -0.2 * stall_torque(&neverest_60());
             let (mut farthest, mut back) = (f64::NEG_INFINITY, 0.0f64);
