@@ -47,10 +47,13 @@ static RECEIVED_SIGNAL: OnceLock<&str> = OnceLock::new();
 /// True for SIGHUP if this program was started to outlive its terminal, as by `nohup`. Only Linux reports that.
 #[cfg(unix)]
 pub(crate) fn is_ignored(signal: i32) -> bool {
+    if signal != SIGHUP {
+        return false;
+    }
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    signal == SIGHUP && ignored.is_some_and(|mask| mask & 1 << (SIGHUP - 1) != 0)
+    ignored.is_some_and(|mask| mask & 1 << (SIGHUP - 1) != 0)
 }
 
 #[cfg(not(unix))]
